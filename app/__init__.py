@@ -1,0 +1,1 @@
+"""The application: command line, window, panel, camera control and background work."""
