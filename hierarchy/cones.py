@@ -1,0 +1,87 @@
+"""Optimal normal cones: the smallest cap of the unit sphere around all base normals below a node.
+
+Based on: Barequet and Elber, "Optimal bounding cones of vectors in three dimensions", IPL 93(2), 2005; solved by
+pivoting (enclosing.py) instead of in the stereographic plane.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from hierarchy.enclosing import CAP_INSIDE, MAX_PASSES, cap_with_pivot
+from hierarchy.model import Float32Array, Int32Array
+
+# cone_cos of a cone that contains everything (half-angle >= 90 degrees).
+EVERYTHING = -1.0
+
+
+# A set of normals whose lowest cosine to any axis exceeds this has a cap; a pivot that finds none has met rounding.
+SURELY_A_CAP = 0.9
+
+
+@nb.njit(cache=True, nogil=True)
+def bounding_cap(vectors, cap):  # type: ignore[no-untyped-def]
+    """Write axis and cosine of the smallest cap around unit vectors, float64 (N, 3), to cap, float64 (4,).
+
+    The cosine is EVERYTHING where no cap below 90 degrees holds them; the axis is then vectors[0].
+    """
+    support = np.empty((4, 3), np.float64)
+    support[0] = cap[:3] = vectors[0]
+    count = 1
+    cap[3] = 1.0
+    lowest = 1.0
+    for _ in range(MAX_PASSES):
+        lowest, farthest = 2.0, -1
+        for i in range(len(vectors)):
+            cosine = vectors[i, 0] * cap[0] + vectors[i, 1] * cap[1] + vectors[i, 2] * cap[2]
+            if cosine < lowest:
+                lowest, farthest = cosine, i
+        if lowest >= cap[3] - 4.0 * CAP_INSIDE:
+            break
+        support[count] = vectors[farthest]
+        count = cap_with_pivot(support, count + 1, cap)
+        if count == 0 or count == 4:
+            break
+    else:
+        lowest = -1.0
+    if count == 0 and lowest < SURELY_A_CAP:
+        lowest = -1.0
+    # The measured minimum, not the support's: nothing may lie outside by rounding.
+    cap[3] = min(lowest, 1.0)
+    if lowest <= 0.0:
+        cap[:3] = vectors[0]
+        cap[3] = EVERYTHING
+
+
+@nb.njit(cache=True, nogil=True, parallel=True)
+def _cones(normals, begin, end):  # type: ignore[no-untyped-def]
+    count = len(begin)
+    axes = np.empty((count, 3), np.float32)
+    cosines = np.empty(count, np.float32)
+    for node in nb.prange(count):
+        # Normalised in float64: the float32 ones are off unit length by more than a narrow cone's cosine is off 1.
+        vectors = np.empty((end[node] - begin[node], 3), np.float64)
+        for i in range(len(vectors)):
+            x, y, z = np.float64(normals[begin[node] + i, 0]), np.float64(normals[begin[node] + i, 1]), np.float64(normals[begin[node] + i, 2])
+            norm = math.sqrt(x * x + y * y + z * z)
+            vectors[i, 0], vectors[i, 1], vectors[i, 2] = x / norm, y / norm, z / norm
+        cap = np.empty(4, np.float64)
+        bounding_cap(vectors, cap)
+        for axis in range(3):
+            axes[node, axis] = cap[axis]
+        # The float32 axis may lean by 1e-7; the cone opens by as much, so that no normal falls out.
+        cosines[node] = cap[3] if cap[3] == EVERYTHING else max(cap[3] - 4e-7 * math.sqrt(1.0 - cap[3] ** 2 + 1e-13), 0.0)
+    return axes, cosines
+
+
+def normal_cones(normals: Float32Array, begin: Int32Array, end: Int32Array) -> tuple[Float32Array, Float32Array]:
+    """Return the optimal cones of ranges of normals: axes float32 (M, 3) and cosines of half-angles float32 (M,).
+
+    normals : float32 (N, 3), unit
+    begin, end : int32 (M,), node i holds normals[begin[i]:end[i]], not empty
+    A cosine of `EVERYTHING` says that the half-angle is 90 degrees or more.
+    """
+    return _cones(normals, begin, end)  # type: ignore[no-any-return]

@@ -1,0 +1,86 @@
+"""The hierarchy of surfels: flat arrays in breadth-first order that CPU and GPU index alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hierarchy.leaves import Leaves, Triangles
+from hierarchy.model import Float64Array, UInt8Array
+
+# What the selection reads of a node: one cache line.
+NODE = np.dtype(
+    [
+        ("x", "f4"), ("y", "f4"), ("z", "f4"),  # disc centre, model space; also the centre of the sphere
+        ("sphere", "f4"),  # radius of the bounding sphere of the disc and the whole subtree
+        ("axis_x", "f4"), ("axis_y", "f4"), ("axis_z", "f4"),  # normal cone: unit axis ...
+        ("cone_sin", "f4"), ("cone_cos", "f4"),  # ... and half-angle; cos -1: contains every direction
+        ("radius", "f4"),  # disc radius
+        ("thickness", "f4"),  # largest distance of a base primitive from the disc's plane
+        ("first_child", "i4"), ("child_count", "i4"),  # children are contiguous
+        ("leaf_begin", "i4"), ("leaf_end", "i4"),  # all leaves of the subtree are contiguous
+        ("tile", "i4"),  # index of the node's normal tile, -1: none
+    ]
+)  # fmt: skip
+assert NODE.itemsize == 64
+
+# What the GPU reads of a splat, node or leaf surfel: two RGBA32F texels.
+SPLAT = np.dtype(
+    [
+        ("centre", "f4", 3),  # model space
+        ("radius", "f4"),
+        ("normal", "f4", 3),  # unit
+        ("thickness", "f4"),  # largest distance of a base primitive from the disc's plane
+    ]
+)
+assert SPLAT.itemsize == 32
+
+
+@dataclass(frozen=True, eq=False)
+class Hierarchy:
+    """Surfels at every level of detail over a model's base primitives.
+
+    name, origin, warnings : as in `Mesh`
+    nodes : NODE (M,), breadth-first, root first, parents before children; inner nodes only
+    splats : SPLAT (M,) or (M + N,), the nodes' discs and, in a point hierarchy, the N leaf surfels behind them
+    colors : uint8, one row a splat, or None
+    leaves : base primitives in Morton order; a node's leaves are a contiguous range of them. A leaf that lies in
+        a node's range but in none of its children's hangs on the node itself.
+    closed : the surface has an inside that no eye outside sees
+    """
+
+    name: str
+    origin: Float64Array
+    nodes: np.ndarray
+    splats: np.ndarray
+    colors: UInt8Array | None
+    leaves: Leaves
+    closed: bool
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def node_count(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def leaf_count(self) -> int:
+        return len(self.leaves)
+
+    @property
+    def leaf_kind(self) -> str:
+        """"triangles" (hybrid hierarchy) or "surfels" (point hierarchy)."""
+        return "triangles" if isinstance(self.leaves, Triangles) else "surfels"
+
+    @property
+    def bounds(self) -> tuple[npt.NDArray[np.float64], float]:
+        """Centre, model space, and radius of a sphere that holds the model."""
+        root = self.nodes[0]
+        return np.array([root["x"], root["y"], root["z"]], np.float64), float(root["sphere"])
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        arrays = [self.nodes, self.splats, self.colors, *vars(self.leaves).values()]
+        return sum(a.nbytes for a in arrays if a is not None)

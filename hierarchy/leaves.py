@@ -1,0 +1,181 @@
+"""The base primitives under a hierarchy, triangles or surfels, in Morton order.
+
+Kernels that fit discs, spheres and cones need only a leaf's corners, its normal, its centre and its area, so both
+kinds of leaf go one way through them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+
+from hierarchy.frames import tangents
+from hierarchy.model import Float32Array, Int32Array, Mesh, PointCloud, UInt8Array
+from hierarchy.morton import morton_codes
+
+# A surfel is bounded by the octagon around its rim: 8% wider than the disc, exact in its plane.
+SURFEL_CORNERS = 8
+SURFEL_CORNER_SCALE = 1.0 / math.cos(math.pi / SURFEL_CORNERS)
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Leaves of a hybrid hierarchy; vertices are in order of first use.
+
+    positions : float32 (V, 3), model space
+    normals : float32 (V, 3), unit shading normals
+    indices : int32 (N, 3), in Morton order of the triangles' centroids
+    colors : uint8 (V, 4) or None
+    """
+
+    positions: Float32Array
+    normals: Float32Array
+    indices: Int32Array
+    colors: UInt8Array | None
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels:
+    """Leaves of a point hierarchy, in Morton order of their centres.
+
+    positions : float32 (N, 3), disc centres, model space
+    normals : float32 (N, 3), unit disc normals
+    radii : float32 (N,)
+    colors : uint8 (N, 4) or None
+    """
+
+    positions: Float32Array
+    normals: Float32Array
+    radii: Float32Array
+    colors: UInt8Array | None
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+Leaves = Triangles | Surfels
+
+
+@dataclass(frozen=True, eq=False)
+class LeafShapes:
+    """What a fitting kernel reads of its leaves.
+
+    positions : float32 (V, 3), vertices or disc centres
+    indices : int32 (N, 3), or (0, 3) where the leaves are surfels
+    radii : float32 (N,), or (0,) where the leaves are triangles
+    normals : float32 (N, 3), unit geometric normals: those that decide what faces the eye
+    centres : float32 (N, 3), centroids
+    areas : float32 (N,), weights of the averages
+    """
+
+    positions: Float32Array
+    indices: Int32Array
+    radii: Float32Array
+    normals: Float32Array
+    centres: Float32Array
+    areas: Float32Array
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def corner(positions, indices, radii, normals, leaf, k):  # type: ignore[no-untyped-def]
+    """Return corner k of a leaf in float64: 3 corners of a triangle, 8 of a surfel."""
+    if len(indices) > 0:
+        v = indices[leaf, k]
+        return np.float64(positions[v, 0]), np.float64(positions[v, 1]), np.float64(positions[v, 2])
+    nx, ny, nz = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
+    ux, uy, uz, vx, vy, vz = tangents(nx, ny, nz)
+    angle = (2.0 * math.pi / SURFEL_CORNERS) * k
+    r = SURFEL_CORNER_SCALE * radii[leaf]
+    c, s = r * math.cos(angle), r * math.sin(angle)
+    return (
+        positions[leaf, 0] + c * ux + s * vx,
+        positions[leaf, 1] + c * uy + s * vy,
+        positions[leaf, 2] + c * uz + s * vz,
+    )
+
+
+@nb.njit(cache=True, nogil=True, parallel=True)
+def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
+    count = len(faces)
+    normals = np.empty((count, 3), np.float32)
+    centres = np.empty((count, 3), np.float32)
+    areas = np.empty(count, np.float32)
+    for i in nb.prange(count):
+        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+        px, py, pz = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
+        ux, uy, uz = positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz
+        vx, vy, vz = positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+        if norm > 0.0:
+            normals[i, 0], normals[i, 1], normals[i, 2] = nx / norm, ny / norm, nz / norm
+        else:
+            normals[i, 0], normals[i, 1], normals[i, 2] = 0.0, 0.0, 1.0
+        centres[i, 0] = px + (ux + vx) / 3.0
+        centres[i, 1] = py + (uy + vy) / 3.0
+        centres[i, 2] = pz + (uz + vz) / 3.0
+        areas[i] = 0.5 * norm
+    return normals, centres, areas
+
+
+@nb.njit(cache=True, nogil=True)
+def _first_use(faces, order, vertex_count):  # type: ignore[no-untyped-def]
+    """Number the vertices in the order in which the sorted triangles first use them."""
+    new_from_old = np.full(vertex_count, -1, np.int32)
+    old_from_new = np.empty(vertex_count, np.int32)
+    indices = np.empty((len(order), 3), np.int32)
+    used = 0
+    for i in range(len(order)):
+        for k in range(3):
+            v = faces[order[i], k]
+            if new_from_old[v] < 0:
+                new_from_old[v] = used
+                old_from_new[used] = v
+                used += 1
+            indices[i, k] = new_from_old[v]
+    return indices, old_from_new[:used].copy()
+
+
+def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, np.ndarray]:
+    """Put a mesh's triangles into Morton order; return them, their shapes and their sorted codes."""
+    normals, centres, areas = _triangle_shapes(mesh.positions, mesh.faces)
+    codes = morton_codes(centres)
+    order = np.argsort(codes)
+    indices, old_from_new = _first_use(mesh.faces, order, len(mesh.positions))
+    triangles = Triangles(
+        mesh.positions[old_from_new],
+        mesh.normals[old_from_new],
+        indices,
+        None if mesh.colors is None else mesh.colors[old_from_new],
+    )
+    shapes = LeafShapes(
+        triangles.positions, indices, np.empty(0, np.float32), normals[order], centres[order], areas[order]
+    )
+    return triangles, shapes, codes[order]
+
+
+def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, np.ndarray]:
+    """Put a cloud's surfels into Morton order; return them, their shapes and their sorted codes."""
+    codes = morton_codes(cloud.positions)
+    order = np.argsort(codes)
+    surfels = Surfels(
+        cloud.positions[order],
+        cloud.normals[order],
+        cloud.radii[order],
+        None if cloud.colors is None else cloud.colors[order],
+    )
+    shapes = LeafShapes(
+        surfels.positions,
+        np.empty((0, 3), np.int32),
+        surfels.radii,
+        surfels.normals,
+        surfels.positions,
+        surfels.radii * surfels.radii,
+    )
+    return surfels, shapes, codes[order]

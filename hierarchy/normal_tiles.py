@@ -1,0 +1,276 @@
+"""Normal tiles: for every node a small map of the true normals (and colours) over its disc.
+
+Based on: Holst and Schumann 2007, section 4. A texel's line runs through the disc along its normal; Algorithm 2
+(hybrid hierarchy) takes the interpolated normal of the triangle that it hits, Algorithm 1 (point hierarchy) the
+Gaussian-weighted sum of the base surfels that it hits. The primitives that a line can hit do not depend on the
+texel, so the hierarchy is traversed once per node, and each primitive found is scattered into the texels it covers.
+
+Departures: texels lie at 2x/(w-1) - 1, which is where eq. 11 samples them (eq. 12 as printed disagrees with it);
+primitives that face the other side do not count; the sphere that selects candidates is the node's bounding sphere,
+not the disc's, so that no primitive over the rim is lost; and an interpolated normal that leans below the disc is
+kept on the rim of the hemisphere. A texel whose line hits nothing keeps the disc's own normal.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+
+from hierarchy.encoding import BYTE_ZERO, encode_hemisphere
+from hierarchy.frames import tangents
+from hierarchy.hierarchy import Hierarchy
+from hierarchy.kernel import gaussian
+from hierarchy.leaves import Triangles
+from hierarchy.model import Progress, UInt8Array, ignore_progress
+
+# Tiles lie in the layers of an array texture of this size: every OpenGL 3.3 has it, and 256 layers of it (1M tiles
+# of 16 x 16) besides.
+LAYER_SIZE = 1024
+# Nodes baked between two reports of progress: about 20 ms of work.
+BLOCK = 4096
+# Slack of the inside test, relative to the triangle: a texel on an edge must not fall between two triangles.
+EDGE_SLACK = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class NormalTiles:
+    """The tiles of all nodes, laid out as the GPU reads them.
+
+    texels : texels along one side of a tile (w_s)
+    count : number of tiles
+    normals : uint8 (layers, LAYER_SIZE, LAYER_SIZE, 2), hemi-octahedral in the node's own frame
+    colors : uint8 (layers, LAYER_SIZE, LAYER_SIZE, 4), or None
+    """
+
+    texels: int
+    count: int
+    normals: UInt8Array
+    colors: UInt8Array | None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the tiles themselves, without the atlas' unused rest."""
+        return self.count * self.texels**2 * (2 if self.colors is None else 6)
+
+    def corner(self, tile: int) -> tuple[int, int, int]:
+        """Return layer, row and column of a tile's first texel."""
+        side = LAYER_SIZE // self.texels
+        return tile // side**2, tile // side % side * self.texels, tile % side * self.texels
+
+    def normal_codes(self, tile: int) -> UInt8Array:
+        """Return a tile's encoded normals, uint8 (w, w, 2), rows along o2, columns along o1."""
+        layer, row, column = self.corner(tile)
+        return self.normals[layer, row : row + self.texels, column : column + self.texels]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _reach(radius, sphere, texels):  # type: ignore[no-untyped-def]
+    """Return the radius of the sphere around all texels that a lookup inside the disc can touch."""
+    beyond = min(math.sqrt(2.0), 1.0 + 2.0 * math.sqrt(2.0) / max(texels - 1, 1))
+    return max(sphere, radius * beyond)
+
+
+@nb.njit(cache=True, nogil=True)
+def _scatter_triangle(corners, normals, colors, scale, offset, texels, height, sums):  # type: ignore[no-untyped-def]
+    """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
+
+    corners : float64 (3, 3), u, v, h of the vertices in the disc's frame
+    normals, colors : float64 (3, 3), (3, 4), at the vertices; normals in the disc's frame
+    height, sums : float64 (w, w) and (w, w, 7): distance of the nearest hit so far, and its normal and colour
+    """
+    ax, ay = corners[0, 0] * scale + offset, corners[0, 1] * scale + offset
+    bx, by = corners[1, 0] * scale + offset, corners[1, 1] * scale + offset
+    cx, cy = corners[2, 0] * scale + offset, corners[2, 1] * scale + offset
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if area <= 0.0:
+        return
+    slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
+    left = max(math.ceil(min(ax, bx, cx) - EDGE_SLACK), 0)
+    right = min(math.floor(max(ax, bx, cx) + EDGE_SLACK), texels - 1)
+    low = max(math.ceil(min(ay, by, cy) - EDGE_SLACK), 0)
+    high = min(math.floor(max(ay, by, cy) + EDGE_SLACK), texels - 1)
+    for y in range(low, high + 1):
+        for x in range(left, right + 1):
+            wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
+            wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
+            wc = area - wa - wb
+            if wa < slack or wb < slack or wc < slack:
+                continue
+            wa, wb, wc = wa / area, wb / area, wc / area
+            h = abs(wa * corners[0, 2] + wb * corners[1, 2] + wc * corners[2, 2])
+            if h < height[y, x]:
+                height[y, x] = h
+                for k in range(3):
+                    sums[y, x, k] = wa * normals[0, k] + wb * normals[1, k] + wc * normals[2, k]
+                for k in range(4):
+                    sums[y, x, 3 + k] = wa * colors[0, k] + wb * colors[1, k] + wc * colors[2, k]
+
+
+@nb.njit(cache=True, nogil=True)
+def _scatter_surfel(centre, normal, color, radius, spacing, offset, texels, weights, sums):  # type: ignore[no-untyped-def]
+    """Add a base surfel's weighted normal to the texels whose lines hit its disc (Algorithm 1, eq. 13-14).
+
+    centre, normal : float64 (3,), in the disc's frame
+    spacing, offset : texel x lies at (x - offset) * spacing
+    weights, sums : float64 (w, w) and (w, w, 7): sum of weights, and of weighted normals and colours
+    """
+    a, b, c = normal[0], normal[1], normal[2]
+    if c <= 1e-6:
+        return
+    extent_u = radius * math.sqrt(max(1.0 - a * a, 0.0))
+    extent_v = radius * math.sqrt(max(1.0 - b * b, 0.0))
+    left = max(math.ceil((centre[0] - extent_u) / spacing + offset), 0)
+    right = min(math.floor((centre[0] + extent_u) / spacing + offset), texels - 1)
+    low = max(math.ceil((centre[1] - extent_v) / spacing + offset), 0)
+    high = min(math.floor((centre[1] + extent_v) / spacing + offset), texels - 1)
+    for y in range(low, high + 1):
+        for x in range(left, right + 1):
+            du, dv = (x - offset) * spacing - centre[0], (y - offset) * spacing - centre[1]
+            dh = -(a * du + b * dv) / c
+            rho2 = (du * du + dv * dv + dh * dh) / (radius * radius)
+            if rho2 >= 1.0:
+                continue
+            weight = gaussian(rho2)
+            weights[y, x] += weight
+            for k in range(3):
+                sums[y, x, k] += weight * normal[k]
+            for k in range(4):
+                sums[y, x, 3 + k] += weight * color[k]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _to_frame(x, y, z, frame, out):  # type: ignore[no-untyped-def]
+    for k in range(3):
+        out[k] = x * frame[k, 0] + y * frame[k, 1] + z * frame[k, 2]
+
+
+@nb.njit(cache=True, nogil=True)
+def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # type: ignore[no-untyped-def]
+    """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile."""
+    positions, normals, indices, radii, colors = leaves
+    me = nodes[node]
+    px, py, pz = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"])
+    reach = _reach(np.float64(me["radius"]), np.float64(me["sphere"]), texels)
+    half = 0.5 * (texels - 1)
+    # One texel lies in the centre; any scale will do for it.
+    scale = (half if texels > 1 else 0.5) / max(np.float64(me["radius"]), 1e-300)
+    corner = np.empty((3, 3), np.float64)
+    normal = np.empty((3, 3), np.float64)
+    color = np.zeros((3, 4), np.float64)
+    stack = np.empty(8 * 64, np.int32)
+    stack[0] = 0
+    top = 1
+    while top > 0:
+        top -= 1
+        inner = nodes[stack[top]]
+        dx, dy, dz = inner["x"] - px, inner["y"] - py, inner["z"] - pz
+        limit = reach + inner["sphere"]
+        if dx * dx + dy * dy + dz * dz > limit * limit:
+            continue
+        first, last = inner["first_child"], inner["first_child"] + inner["child_count"]
+        begin = inner["leaf_begin"]
+        for child in range(first, last + 1):
+            # The leaves between two children hang on this node itself.
+            end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
+            for leaf in range(begin, end):
+                if triangles:
+                    for k in range(3):
+                        v = indices[leaf, k]
+                        _to_frame(positions[v, 0] - px, positions[v, 1] - py, positions[v, 2] - pz, frame, corner[k])
+                        _to_frame(normals[v, 0], normals[v, 1], normals[v, 2], frame, normal[k])
+                        if len(colors) > 0:
+                            for c in range(4):
+                                color[k, c] = colors[v, c]
+                    _scatter_triangle(corner, normal, color, scale, half, texels, nearest, sums)
+                else:
+                    x, y, z = positions[leaf, 0] - px, positions[leaf, 1] - py, positions[leaf, 2] - pz
+                    radius = np.float64(radii[leaf])
+                    if x * x + y * y + z * z > (reach + radius) ** 2:
+                        continue
+                    _to_frame(x, y, z, frame, corner[0])
+                    _to_frame(normals[leaf, 0], normals[leaf, 1], normals[leaf, 2], frame, normal[0])
+                    if len(colors) > 0:
+                        for c in range(4):
+                            color[0, c] = colors[leaf, c]
+                    _scatter_surfel(
+                        corner[0], normal[0], color[0], radius, 1.0 / scale, half, texels, nearest, sums
+                    )
+            if child < last:
+                begin = nodes[child]["leaf_end"]
+                stack[top] = child
+                top += 1
+
+
+@nb.njit(cache=True, nogil=True)
+def _store(nearest, sums, triangles, out_normals, out_colors):  # type: ignore[no-untyped-def]
+    """Encode a tile's sums into its texels of the atlas."""
+    texels = len(nearest)
+    for y in range(texels):
+        for x in range(texels):
+            out_normals[y, x, 0], out_normals[y, x, 1] = encode_hemisphere(sums[y, x, 0], sums[y, x, 1], sums[y, x, 2])
+            if out_colors.shape[0] == 0:
+                continue
+            weight = 1.0 if triangles else nearest[y, x]
+            hit = nearest[y, x] < np.inf if triangles else weight > 0.0
+            for k in range(4):
+                # Alpha 0 marks a texel that hit nothing: the shader takes the node's own colour there.
+                out_colors[y, x, k] = np.rint(sums[y, x, 3 + k] / weight) if hit else 0
+
+
+@nb.njit(cache=True, nogil=True, parallel=True)
+def _bake(nodes, disc_normals, leaves, triangles, first, last, texels, normals, colors):  # type: ignore[no-untyped-def]
+    side = LAYER_SIZE // texels
+    for node in nb.prange(first, last):
+        frame = np.empty((3, 3), np.float64)
+        for k in range(3):
+            frame[2, k] = disc_normals[node, k]
+        u = tangents(frame[2, 0], frame[2, 1], frame[2, 2])
+        for k in range(3):
+            frame[0, k], frame[1, k] = u[k], u[3 + k]
+        nearest = np.full((texels, texels), np.inf if triangles else 0.0)
+        sums = np.zeros((texels, texels, 7))
+        _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums)
+        layer, row, column = node // side**2, node // side % side * texels, node % side * texels
+        out = normals[layer, row : row + texels, column : column + texels]
+        layer = layer if len(colors) > 0 else 0
+        out_colors = colors[layer : layer + 1, row : row + texels, column : column + texels]
+        if len(out_colors) > 0:
+            _store(nearest, sums, triangles, out, out_colors[0])
+        else:
+            _store(nearest, sums, triangles, out, np.empty((0, 0, 4), np.uint8))
+
+
+def bake_tiles(hierarchy: Hierarchy, texels: int, *, progress: Progress = ignore_progress) -> NormalTiles:
+    """Bake the normal tile of every node; colours too where the model has them.
+
+    texels : texels along one side of a tile (w_s), 1..LAYER_SIZE
+    progress : called from this thread; an exception that it raises ends the work
+    Raises ValueError where `texels` is out of range.
+    """
+    if not 1 <= texels <= LAYER_SIZE:
+        raise ValueError(f"a tile has 1 to {LAYER_SIZE} texels a side, not {texels}")
+    count = hierarchy.node_count
+    layers = -(-count // (LAYER_SIZE // texels) ** 2)
+    normals = np.full((layers, LAYER_SIZE, LAYER_SIZE, 2), int(BYTE_ZERO), np.uint8)
+    leaves = hierarchy.leaves
+    triangles = isinstance(leaves, Triangles)
+    colors = leaves.colors if leaves.colors is not None else np.empty((0, 4), np.uint8)
+    has_colors = leaves.colors is not None
+    atlas = np.zeros((layers if has_colors else 0, LAYER_SIZE, LAYER_SIZE, 4), np.uint8)
+    arrays = (
+        leaves.positions,
+        leaves.normals,
+        leaves.indices if isinstance(leaves, Triangles) else np.empty((0, 3), np.int32),
+        np.empty(0, np.float32) if isinstance(leaves, Triangles) else leaves.radii,
+        colors,
+    )
+    disc_normals = np.ascontiguousarray(hierarchy.splats["normal"][:count])
+    for first in range(0, count, BLOCK):
+        progress("Baking normal tiles", first / count)
+        last = min(first + BLOCK, count)
+        _bake(hierarchy.nodes, disc_normals, arrays, triangles, first, last, texels, normals, atlas)
+    progress("Baking normal tiles", 1.0)
+    return NormalTiles(texels, count, normals, atlas if has_colors else None)
