@@ -1,0 +1,113 @@
+"""The normals of a mesh: those of its file where they are good, else made from its faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hierarchy.clean import counted
+from hierarchy.creases import smooth_groups
+from hierarchy.model import Float32Array, Float64Array, Int32Array, UInt8Array
+from hierarchy.unique_rows import unique_rows
+from hierarchy.vertex_normals import corner_group_normals, vertex_normals
+
+# A file's normal shorter than this fraction of a unit is no direction. Exporters that write unit normals with three
+# decimals stay far above it.
+SHORTEST_NORMAL = 1e-6
+
+
+@dataclass(eq=False)
+class Surface:
+    """Triangles whose vertices know which of them are at one place.
+
+    positions : float32 (V, 3); faces : int32 (T, 3)
+    points : float32 (P, 3), the distinct positions
+    point_of_vertex : int32 (V,)
+    """
+
+    positions: Float32Array
+    faces: Int32Array
+    points: Float32Array
+    point_of_vertex: Int32Array
+
+    @property
+    def point_faces(self) -> Int32Array:
+        """The faces in terms of points, int32 (T, 3)."""
+        return self.point_of_vertex[self.faces]
+
+    def area_vectors(self) -> Float64Array:
+        """Return twice the area times the normal of every face, (T, 3), after scaling the model to unit size."""
+        corners = self.positions[self.faces].astype(np.float64) / max(float(np.abs(self.positions).max()), 1e-300)
+        return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+    def signed_volume(self) -> float:
+        """Return six times the volume of a closed surface at unit size; negative where it is inside out."""
+        first = self.positions[self.faces[:, 0]].astype(np.float64)
+        return float(np.einsum("ij,ij->", first / max(float(np.abs(first).max()), 1e-300), self.area_vectors()))
+
+    def turn(self) -> None:
+        """Let every face run the other way round."""
+        self.faces = np.ascontiguousarray(self.faces[:, ::-1])
+
+
+def make_normals(
+    surface: Surface, colors: UInt8Array | None
+) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Array | None]:
+    """Make normals where the file has none; a crease gets one vertex per side.
+
+    colors : uint8 (V, 4) or None
+    Returns positions, faces, normals and colours of the new vertices.
+    """
+    point_faces = surface.point_faces
+    groups = smooth_groups(surface.points, point_faces)
+    if groups is not None:
+        normals = corner_group_normals(surface.points, point_faces, *groups)[groups[0].ravel()]
+        corners = np.arange(point_faces.size, dtype=np.int32).reshape(-1, 3)
+        corner_colors = None if colors is None else colors[surface.faces.ravel()]
+        return weld_equal(surface.points[point_faces.ravel()], corners, normals, corner_colors)
+    normals = vertex_normals(surface.points, point_faces)
+    if colors is None:
+        return surface.points, point_faces, normals, None
+    return weld_equal(surface.positions, surface.faces, normals[surface.point_of_vertex], colors)
+
+
+def check_normals(surface: Surface, normals: Float64Array, closed: bool, warnings: list[str]) -> Float32Array:
+    """Return the file's normals (V, 3) as unit float32, with those that are no direction made anew and counted.
+
+    Where most of the area disagrees with its normals about the outer side, one of them is wrong: the normals where
+    the surface is closed, because then the volume tells; else the faces, which are turned in `surface`.
+    """
+    largest = np.abs(normals).max(axis=1)
+    bad = ~(np.isfinite(largest) & (largest > SHORTEST_NORMAL))
+    safe = np.where(bad[:, None], 1.0, normals) / np.where(bad, 1.0, largest)[:, None]
+    unit = (safe / np.linalg.norm(safe, axis=1, keepdims=True)).astype(np.float32)
+    good_faces = ~bad[surface.faces].any(axis=1)
+    areas = surface.area_vectors()
+    agreement = np.einsum("ij,ij->i", areas, unit[surface.faces].sum(axis=1, dtype=np.float64))
+    area = np.linalg.norm(areas, axis=1) * good_faces
+    if area[agreement < 0.0].sum() > area[agreement > 0.0].sum():
+        if closed:
+            warnings.append("turned all normals round: they pointed into the closed surface")
+            unit = -unit
+        else:
+            warnings.append("turned all faces round: their normals pointed to the other side")
+            surface.turn()
+    if bad.any():
+        warnings.append(counted("recomputed", int(bad.sum()), "normal", "without a direction"))
+        made = vertex_normals(surface.points, surface.point_faces)
+        unit[bad] = made[surface.point_of_vertex[bad]]
+    return unit
+
+
+def weld_equal(
+    positions: Float32Array, faces: Int32Array, normals: Float32Array, colors: UInt8Array | None
+) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Array | None]:
+    """Make one of vertices (V, ...) that agree in everything; returns positions, faces, normals and colours."""
+    columns = [positions.view(np.uint32), normals.view(np.uint32)]
+    if colors is not None:
+        columns.append(np.ascontiguousarray(colors).view(np.uint32))
+    inverse, first = unique_rows(np.concatenate(columns, axis=1))
+    if len(first) == len(positions):
+        return positions, faces, normals, colors
+    return positions[first], inverse[faces], normals[first], None if colors is None else colors[first]
