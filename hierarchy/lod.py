@@ -1,0 +1,253 @@
+"""Silhouette-refined selection of the level of detail: Algorithm 3 of Holst and Schumann 2007.
+
+Departures: the printed cone test widens the cone by the field of view; here it is widened by the angle that the
+node's own bounding sphere subtends (the printed one stays as a switch). Added are what Algorithm 3 leaves out:
+frustum culling by bounding sphere, and descending nodes that contain the eye or reach the near plane.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+import numpy.typing as npt
+
+from hierarchy.cones import EVERYTHING
+from hierarchy.hierarchy import Hierarchy
+from hierarchy.leaves import Triangles
+from hierarchy.model import Float64Array, UInt32Array
+from hierarchy.view import View
+
+FRONT, SILHOUETTE, BACK = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """What one frame draws: a cut through the hierarchy, less what was culled.
+
+    splats : uint32 (K,), indices into `Hierarchy.splats`; the first `silhouette_splats` lie on the silhouette
+    indices : uint32 (T, 3), vertices of the leaf triangles to draw; the first `silhouette_triangles` were reached
+        because they lie on the silhouette
+    visited_nodes : nodes looked at
+    """
+
+    splats: UInt32Array
+    indices: UInt32Array
+    silhouette_splats: int
+    silhouette_triangles: int
+    visited_nodes: int
+
+    @property
+    def splat_count(self) -> int:
+        return len(self.splats)
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.indices)
+
+    @property
+    def silhouette_count(self) -> int:
+        """Splats and leaf triangles on the silhouette."""
+        return self.silhouette_splats + self.silhouette_triangles
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def classify_cone(facing, distance2, sphere, cone_sin, cone_cos):  # type: ignore[no-untyped-def]
+    """Tell whether the normals of a cone, anywhere in a sphere, face the eye, face away, or both.
+
+    facing : dot product of the cone's axis with the vector from the eye to the sphere's centre
+    distance2 : squared distance of that centre from the eye
+    sphere : radius of the sphere
+
+    With sin(gamma) = sphere / distance, all face away where the axis is within 90 - beta - gamma degrees of the
+    line of sight; multiplied by the distance no division is left.
+    """
+    if cone_cos == EVERYTHING or distance2 <= sphere * sphere:
+        return SILHOUETTE
+    tangent = math.sqrt(distance2 - sphere * sphere)
+    if cone_cos * tangent <= cone_sin * sphere:
+        return SILHOUETTE
+    limit = cone_sin * tangent + cone_cos * sphere
+    if facing >= limit:
+        return BACK
+    if facing <= -limit:
+        return FRONT
+    return SILHOUETTE
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def classify_cone_printed(facing, cone_sin, cone_cos, sin_view, cos_view):  # type: ignore[no-untyped-def]
+    """The test as printed in section 5, for comparison.
+
+    facing : dot product of the cone's axis with the normalised viewing vector
+    sin_view, cos_view : of the field-of-view angle alpha
+    """
+    if cone_cos == EVERYTHING or cone_cos * cos_view <= cone_sin * sin_view:
+        return SILHOUETTE
+    limit = cone_sin * cos_view + cone_cos * sin_view
+    if facing > limit:
+        return BACK
+    if facing <= -limit:
+        return FRONT
+    return SILHOUETTE
+
+
+@nb.njit(cache=True, nogil=True)
+def _select(nodes, leaves, planes, eye, axis, near, focal, r_sil, r_inner, cull_back, printed, sin_view, cos_view, tol, mode):  # type: ignore[no-untyped-def]
+    positions, indices = leaves
+    triangles = len(indices) > 0
+    count = len(nodes)
+    leaf_total = nodes[0]["leaf_end"]
+    splats = np.empty(count + (0 if triangles else leaf_total), np.uint32)
+    drawn = np.empty((leaf_total if triangles else 0, 3), np.uint32)
+    sil_splats, inner_splats = 0, len(splats)
+    sil_triangles, inner_triangles = 0, len(drawn)
+    queue = np.empty(count, np.int32)
+    queue[0] = 0
+    head, tail = 0, 1
+    while head < tail:
+        me = nodes[queue[head]]
+        index = queue[head]
+        head += 1
+        x, y, z = me["x"] - eye[0], me["y"] - eye[1], me["z"] - eye[2]
+        sphere = np.float64(me["sphere"])
+        outside = False
+        for p in range(5):
+            if planes[p, 0] * x + planes[p, 1] * y + planes[p, 2] * z + planes[p, 3] < -sphere:
+                outside = True
+                break
+        if outside:
+            continue
+        distance2 = x * x + y * y + z * z
+        facing = me["axis_x"] * x + me["axis_y"] * y + me["axis_z"] * z
+        cone_sin, cone_cos = np.float64(me["cone_sin"]), np.float64(me["cone_cos"])
+        if printed:
+            along = me["axis_x"] * axis[0] + me["axis_y"] * axis[1] + me["axis_z"] * axis[2]
+            side = classify_cone_printed(along, cone_sin, cone_cos, sin_view, cos_view)
+        else:
+            side = classify_cone(facing, distance2, sphere, cone_sin, cone_cos)
+        if side == BACK and cull_back:
+            continue
+        depth = x * axis[0] + y * axis[1] + z * axis[2] - sphere
+        silhouette = side == SILHOUETTE
+        if depth > near and distance2 > sphere * sphere:
+            size = me["radius"] * focal / (depth + sphere)
+            if mode == 1 and size <= r_inner and cone_cos > 0:
+                # stick-out model
+                d = math.sqrt(distance2)
+                sin_theta = abs(facing) / d
+                beta = cone_sin
+                bulge = 0.5 * size * beta
+                if bulge <= tol:
+                    silhouette = False
+                else:
+                    limit = beta * (1.0 + math.sqrt(1.0 - tol / bulge))
+                    silhouette = sin_theta < limit
+            if size <= (r_sil if silhouette else r_inner):
+                if silhouette:
+                    splats[sil_splats] = index
+                    sil_splats += 1
+                else:
+                    inner_splats -= 1
+                    splats[inner_splats] = index
+                continue
+        # Refine: queue the children, draw the leaves that hang on the node itself, between its children.
+        first, last = me["first_child"], me["first_child"] + me["child_count"]
+        begin = me["leaf_begin"]
+        for child in range(first, last + 1):
+            end = nodes[child]["leaf_begin"] if child < last else me["leaf_end"]
+            for leaf in range(begin, end):
+                if not triangles:
+                    if silhouette:
+                        splats[sil_splats] = count + leaf
+                        sil_splats += 1
+                    else:
+                        inner_splats -= 1
+                        splats[inner_splats] = count + leaf
+                    continue
+                a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
+                if cull_back:
+                    px, py, pz = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
+                    ux, uy, uz = positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz
+                    vx, vy, vz = positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz
+                    volume = (
+                        (uy * vz - uz * vy) * (px - eye[0])
+                        + (uz * vx - ux * vz) * (py - eye[1])
+                        + (ux * vy - uy * vx) * (pz - eye[2])
+                    )
+                    if volume >= 0.0:
+                        continue
+                if silhouette:
+                    slot = sil_triangles
+                    sil_triangles += 1
+                else:
+                    inner_triangles -= 1
+                    slot = inner_triangles
+                drawn[slot, 0], drawn[slot, 1], drawn[slot, 2] = a, b, c
+            if child < last:
+                queue[tail] = child
+                tail += 1
+                begin = nodes[child]["leaf_end"]
+    return splats, drawn, sil_splats, inner_splats, sil_triangles, inner_triangles, tail
+
+
+def frustum_planes(view: View) -> Float64Array:
+    """Return the near, left, right, bottom and top planes, float64 (5, 4), for points relative to the eye.
+
+    A point p (model axes, relative to the eye) is inside where n.p + d >= 0 for every row (n, d), |n| = 1.
+    """
+    f = 1.0 / math.tan(0.5 * view.view_angle)
+    fx = f * view.height / view.width
+    eye_planes = np.array(
+        [[0, 0, -1, -view.near], [fx, 0, -1, 0], [-fx, 0, -1, 0], [0, f, -1, 0], [0, -f, -1, 0]], np.float64
+    )
+    eye_planes /= np.linalg.norm(eye_planes[:, :3], axis=1, keepdims=True)
+    eye_planes[:, :3] = eye_planes[:, :3] @ view.eye_from_model[:3, :3]
+    return eye_planes
+
+
+def select_cut(
+    hierarchy: Hierarchy,
+    view: View,
+    r_sil: float,
+    r_inner: float,
+    *,
+    two_sided: bool = False,
+    printed_cone_test: bool = False,
+    tol: float = 0.2,
+    mode: int = 1,
+) -> Cut:
+    """Choose the splats and leaf triangles that draw a view.
+
+    r_sil, r_inner : largest radius in pixels of a splat on the silhouette and off it, >= 0
+    two_sided : draw what faces away from the eye, too; it always is where the model is not closed
+    printed_cone_test : classify by the test as printed in the paper
+    """
+    leaves = hierarchy.leaves
+    indices = leaves.indices if isinstance(leaves, Triangles) else np.empty((0, 3), np.int32)
+    splats, drawn, sil_splats, inner_splats, sil_triangles, inner_triangles, visited = _select(
+        hierarchy.nodes,
+        (leaves.positions, indices),
+        frustum_planes(view),
+        view.eye,
+        -view.eye_from_model[2, :3],
+        view.near,
+        view.focal_pixels,
+        float(r_sil),
+        float(r_inner),
+        hierarchy.closed and not two_sided,
+        printed_cone_test,
+        math.sin(view.view_angle),
+        math.cos(view.view_angle),
+        tol,
+        mode,
+    )
+    return Cut(
+        splats=np.concatenate([splats[:sil_splats], splats[inner_splats:]]),
+        indices=np.concatenate([drawn[:sil_triangles], drawn[inner_triangles:]]),
+        silhouette_splats=sil_splats,
+        silhouette_triangles=sil_triangles,
+        visited_nodes=visited,
+    )

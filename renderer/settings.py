@@ -1,0 +1,39 @@
+"""How a frame looks: everything that the user can switch without choosing another cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Rgb = tuple[float, float, float]
+
+# Names of the materials; "clay" is lit by the two lights, the others are matcaps (renderer/matcaps.py).
+MATERIALS = ("clay", "pearl", "bronze", "jade")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of a frame; colours are sRGB in 0..1.
+
+    normal_mapping : take normals (and colours) from the tiles
+    two_sided : turn normals that face away towards the eye before lighting
+    material : one of MATERIALS
+    use_colors : show the model's own colours where it has them
+    silhouette_overlay : tint what the selection holds for silhouette
+    splat_outlines : darken the rim of every splat and the edges of leaf triangles
+    lod_colors : colour splats by their radius on screen, leaf triangles in grey
+    ground : a soft contact disc and grid below the model
+    background_top, background_bottom : a vertical gradient
+    base_color : colour of a model that has none
+    """
+
+    normal_mapping: bool = True
+    two_sided: bool = False
+    material: str = "clay"
+    use_colors: bool = True
+    silhouette_overlay: bool = False
+    splat_outlines: bool = False
+    lod_colors: bool = False
+    ground: bool = False
+    background_top: Rgb = (0.36, 0.40, 0.46)
+    background_bottom: Rgb = (0.13, 0.14, 0.17)
+    base_color: Rgb = (0.80, 0.77, 0.72)

@@ -1,0 +1,1 @@
+"""GLSL sources, one file a stage; functions that several share lie in include/."""

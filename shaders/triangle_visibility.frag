@@ -1,0 +1,4 @@
+// Role: visibility pass of a leaf triangle: depth only.
+void main()
+{
+}
