@@ -22,15 +22,15 @@ HALF_AXES = (1.0, 0.88, 0.8)
 
 # Craters: how many, and the range of their radii in radians. The number above a radius falls with its power -1.8,
 # near what is counted on small bodies.
-CRATERS = 260
-CRATER_RADII = (0.035, 0.5)
-CRATER_POWER = 1.8
+CRATERS = 420
+CRATER_RADII = (0.04, 0.5)
+CRATER_POWER = 1.7
 
 # Roughness: the first octave's frequency and height, the gain from one octave to the next. The last octave is the
 # finest that the triangles still carry, four edges a wave.
 ROUGH_FREQUENCY = 2.5
 ROUGH_HEIGHT = 0.05
-ROUGH_GAIN = 0.52
+ROUGH_GAIN = 0.54
 EDGES_A_WAVE = 4.0
 
 # Step of the differences that give the normals: far below the finest wave, far above the rounding of doubles.
@@ -70,7 +70,7 @@ def _craters() -> Float64Array:
     low, high = (radius**-CRATER_POWER for radius in CRATER_RADII)
     radii = (low + random.random(CRATERS) * (high - low)) ** (-1.0 / CRATER_POWER)
     # Old craters are worn down, and big ones are flatter.
-    depths = radii * random.uniform(0.08, 0.3, CRATERS) / (1.0 + 2.0 * radii)
+    depths = radii * random.uniform(0.04, 0.26, CRATERS) / (1.0 + 2.0 * radii)
     return np.column_stack([centres, np.cos(np.minimum(1.9 * radii, math.pi)), radii, depths])
 
 
@@ -80,7 +80,7 @@ def _crater_height(t: float) -> float:
     wall = min(max((t - 0.2) / 0.8, 0.0), 1.0)
     bowl = wall * wall * (3.0 - 2.0 * wall) - 1.0
     rim = (t - 1.0) / 0.28
-    return bowl + 0.34 * math.exp(-rim * rim)
+    return bowl + 0.32 * math.exp(-rim * rim)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -93,9 +93,9 @@ def _height(x: float, y: float, z: float, craters: Float64Array, octaves: int) -
     )
 
     # Bend the directions a little, so that no crater is a perfect circle.
-    wx = x + 0.06 * noise(3.1 * x, 3.1 * y, 3.1 * z, SEED + 2) + 0.012 * noise(13.0 * x, 13.0 * y, 13.0 * z, SEED + 5)
-    wy = y + 0.06 * noise(3.1 * x, 3.1 * y, 3.1 * z, SEED + 3) + 0.012 * noise(13.0 * x, 13.0 * y, 13.0 * z, SEED + 6)
-    wz = z + 0.06 * noise(3.1 * x, 3.1 * y, 3.1 * z, SEED + 4) + 0.012 * noise(13.0 * x, 13.0 * y, 13.0 * z, SEED + 7)
+    wx = x + 0.035 * noise(3.1 * x, 3.1 * y, 3.1 * z, SEED + 2) + 0.007 * noise(13.0 * x, 13.0 * y, 13.0 * z, SEED + 5)
+    wy = y + 0.035 * noise(3.1 * x, 3.1 * y, 3.1 * z, SEED + 3) + 0.007 * noise(13.0 * x, 13.0 * y, 13.0 * z, SEED + 6)
+    wz = z + 0.035 * noise(3.1 * x, 3.1 * y, 3.1 * z, SEED + 4) + 0.007 * noise(13.0 * x, 13.0 * y, 13.0 * z, SEED + 7)
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
     wx, wy, wz = wx / length, wy / length, wz / length
     for k in range(len(craters)):
