@@ -1,0 +1,213 @@
+"""The splatting equations in plain float64 numpy, a primitive and a pass at a time, for small pictures.
+
+Based on Botsch et al., "High-Quality Surface Splatting on Today's GPUs" (2005), the three passes, and Botsch et al.,
+"Phong Splatting" (2004), eq. 6, the exact ray-disc intersection. What a renderer may choose is a parameter here: the
+kernel, the epsilons, the weight of triangles, what sides are drawn and what coverage means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hierarchy.view import View
+
+Float64Array = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+Kernel = Callable[[Float64Array], Float64Array]
+"""Weight from rho^2, the squared distance to the disc's centre over its squared radius, in 0..1."""
+
+TileNormals = Callable[[int, Float64Array, Float64Array], Float64Array]
+"""Model-space normals (K, 3) of disc i at the disc coordinates u, v (K,) along o1 and o2, in -1..1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Discs:
+    """Splats in model space.
+
+    centres, normals : (N, 3), normals unit
+    radii, epsilons : (N,), epsilons the lengths by which the visibility pass pushes back
+    o1, o2 : (N, 3), unit tangents, for the tiles' coordinates
+    tile_normals : the normal at a point of a disc; None for the discs' own normals
+    """
+
+    centres: Float64Array
+    normals: Float64Array
+    radii: Float64Array
+    epsilons: Float64Array
+    o1: Float64Array
+    o2: Float64Array
+    tile_normals: TileNormals | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Leaf triangles in model space: corners and corner_normals (M, 3, 3), epsilons (M,), one weight for all."""
+
+    corners: Float64Array
+    corner_normals: Float64Array
+    epsilons: Float64Array
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What the passes leave; row 0 at the top.
+
+    normal : (H, W, 3), unit, model space; zero where nothing is drawn
+    depth : (H, W), weighted mean of the distances along the view axis; inf where nothing is drawn
+    coverage : (H, W) in 0..1
+    weight : (H, W), sum of the weights
+    visibility : (H, W), the pushed-back depth of the first pass; inf where nothing was
+    margin : (H, W), the least |depth - visibility| of any fragment: where it is tiny, rounding decides whether that
+        fragment counts, and pictures may differ
+    """
+
+    normal: Float64Array
+    depth: Float64Array
+    coverage: Float64Array
+    weight: Float64Array
+    visibility: Float64Array
+    margin: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fragments:
+    """One primitive's fragments: which pixels (H, W), and for these depth, pushed depth, weight (K,), normal (K, 3)."""
+
+    mask: BoolArray
+    depth: Float64Array
+    pushed: Float64Array
+    weight: Float64Array
+    normal: Float64Array
+
+
+def drawn_or_not(weight: Float64Array) -> Float64Array:
+    """Return 1 wherever anything was drawn."""
+    return (weight > 0.0).astype(np.float64)
+
+
+def render(
+    view: View,
+    discs: Discs | None,
+    triangles: Triangles | None,
+    kernel: Kernel,
+    *,
+    cull_back_faces: bool = False,
+    coverage: Callable[[Float64Array], Float64Array] = drawn_or_not,
+) -> Picture:
+    """Draw discs and triangles by the three passes, at the pixels' centres.
+
+    cull_back_faces : leave out discs and triangles whose front is not turned to the eye
+    coverage : from the sum of weights (H, W)
+    """
+    shape = (view.height, view.width)
+    fragments: list[Fragments] = []
+    if discs is not None:
+        fragments += _disc_fragments(view, discs, kernel, cull_back_faces)
+    if triangles is not None:
+        fragments += _triangle_fragments(view, triangles, cull_back_faces)
+
+    # Pass 1, visibility: the nearest pushed-back depth.
+    visibility = np.full(shape, np.inf)
+    for part in fragments:
+        visibility[part.mask] = np.minimum(visibility[part.mask], part.pushed)
+
+    # Pass 2, attributes: the weighted sums of what is not behind it.
+    normal, depth, weight = np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape)
+    margin = np.full(shape, np.inf)
+    for part in fragments:
+        passed = np.where(part.depth <= visibility[part.mask], part.weight, 0.0)
+        normal[part.mask] += passed[:, None] * part.normal
+        depth[part.mask] += passed * part.depth
+        weight[part.mask] += passed
+        margin[part.mask] = np.minimum(margin[part.mask], np.abs(part.depth - visibility[part.mask]))
+
+    # Pass 3, resolve: divide and normalise.
+    drawn = weight > 0.0
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
+    depth = np.divide(depth, weight, out=np.full(shape, np.inf), where=drawn)
+    return Picture(normal, depth, coverage(weight), weight, visibility, margin)
+
+
+def pixel_rays(view: View) -> Float64Array:
+    """Return eye-space directions (H, W, 3) through the pixels' centres, z = -1."""
+    x = (np.arange(view.width) + 0.5 - 0.5 * view.width) / view.focal_pixels
+    y = (0.5 * view.height - np.arange(view.height) - 0.5) / view.focal_pixels
+    grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
+    return np.stack([grid_x, grid_y, np.full_like(grid_x, -1.0)], axis=-1)
+
+
+def bilinear_tile(tile: Float64Array, u: Float64Array, v: Float64Array) -> Float64Array:
+    """Look a tile (w, w, C), [y, x], up at disc coordinates u, v (K,) in -1..1 (Holst 2007, eq. 11): (K, C)."""
+    w = len(tile)
+    x, y = (np.clip(0.5 * (w - 1) * (t + 1.0), 0.0, w - 1.0) for t in (u, v))
+    x0, y0 = (np.minimum(t.astype(np.intp), max(w - 2, 0)) for t in (x, y))
+    x1, y1 = (np.minimum(t + 1, w - 1) for t in (x0, y0))
+    fx, fy = (x - x0)[:, None], (y - y0)[:, None]
+    top = (1.0 - fx) * tile[y0, x0] + fx * tile[y0, x1]
+    bottom = (1.0 - fx) * tile[y1, x0] + fx * tile[y1, x1]
+    mixed: Float64Array = (1.0 - fy) * top + fy * bottom
+    return mixed
+
+
+def _pushed_depth(points: Float64Array, epsilon: float) -> Float64Array:
+    """Return the depth of eye-space points (K, 3) moved away from the eye by a length epsilon along their rays."""
+    pushed: Float64Array = -points[:, 2] * (1.0 + epsilon / np.linalg.norm(points, axis=1))
+    return pushed
+
+
+def _disc_fragments(view: View, discs: Discs, kernel: Kernel, cull_back_faces: bool) -> Iterator[Fragments]:
+    """Yield the fragments of each disc: where the ray meets its plane within its radius (Phong Splatting eq. 6)."""
+    rays = pixel_rays(view)
+    rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
+    for i, radius in enumerate(discs.radii):
+        centre, normal = rotation @ discs.centres[i] + translation, rotation @ discs.normals[i]
+        if cull_back_faces and np.dot(centre, normal) >= 0.0:
+            continue
+        slope = rays @ normal
+        parameter = np.divide(np.dot(centre, normal), slope, out=np.zeros_like(slope), where=slope != 0.0)
+        points = rays * parameter[..., None]
+        rho2 = ((points - centre) ** 2).sum(axis=-1) / radius**2
+        mask = (rho2 <= 1.0) & (parameter >= view.near) & (parameter <= view.far)
+        if not mask.any():
+            continue
+        hit = points[mask]
+        offset = (hit - centre) @ rotation / radius
+        if discs.tile_normals is None:
+            normals = np.broadcast_to(discs.normals[i], hit.shape)
+        else:
+            normals = discs.tile_normals(i, offset @ discs.o1[i], offset @ discs.o2[i])
+        pushed = _pushed_depth(hit, float(discs.epsilons[i]))
+        yield Fragments(mask, parameter[mask], pushed, kernel(rho2[mask]), normals)
+
+
+def _triangle_fragments(view: View, triangles: Triangles, cull_back_faces: bool) -> Iterator[Fragments]:
+    """Yield the fragments of each triangle: where the ray's barycentric coordinates are not negative."""
+    rays = pixel_rays(view)
+    rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
+    for corners, normals, epsilon in zip(triangles.corners, triangles.corner_normals, triangles.epsilons, strict=True):
+        a, b, c = corners @ rotation.T + translation
+        face = np.cross(b - a, c - a)
+        height = np.dot(a, face)  # below 0 where the front is turned to the eye
+        if height == 0.0 or (cull_back_faces and height > 0.0):
+            continue
+        # Each edge and the eye span a plane; the ray's sides of the three are the barycentric coordinates, up to a
+        # common factor.
+        sides = np.stack([rays @ np.cross(b, c), rays @ np.cross(c, a), rays @ np.cross(a, b)], axis=-1) / height
+        total = sides.sum(axis=-1)
+        parameter = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0.0)
+        mask = (sides >= 0.0).all(axis=-1) & (parameter >= view.near) & (parameter <= view.far)
+        if not mask.any():
+            continue
+        depth = parameter[mask]
+        weights = sides[mask] * depth[:, None]
+        shading = weights @ normals
+        shading = shading / np.linalg.norm(shading, axis=1, keepdims=True)
+        pushed = _pushed_depth(rays[mask] * depth[:, None], float(epsilon))
+        yield Fragments(mask, depth, pushed, np.full(depth.shape, triangles.weight), shading)
