@@ -51,6 +51,14 @@ def test_what_lies_between_the_rays_takes_more_of_them() -> None:
     assert visible_triangles(speck, VIEW, samples=9).all()
 
 
+def test_what_a_ray_meets_at_a_corner_hides_but_is_not_counted() -> None:
+    view = look_at((0, 0, 5), (0, 0, 0), (0, 1, 0), math.radians(40), (1, 1), bounds=((0, 0, 0), 4.0))
+    touching = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    behind = np.array([[[-1.0, -1.0, -1.0], [3.0, -1.0, -1.0], [-1.0, 3.0, -1.0]]])
+    assert visible_triangles(np.concatenate([touching, behind]), view).tolist() == [False, False]
+    assert visible_triangles(behind, view).all()
+
+
 def test_discs_hide_each_other() -> None:
     centres = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, -1], [0, 2.5, 0]])
     normals = np.array([[0.0, 0, 1], [0, 0, -1], [0, 0.6, 0.8], [0, 0, 1]])
