@@ -1,0 +1,60 @@
+"""The command `surfelscope`: hands the work on and turns errors into one line and an exit status.
+
+0: done; 2: something the user has to change, said in one line on standard error; 130: interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from app.errors import OutputError, UsageError, WindowError
+from app.options import Options, parse_options
+from hierarchy.model import ModelError
+
+EXIT_ERROR = 2
+EXIT_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line (without the program's name) and return the exit status."""
+    from renderer.context import ContextError
+
+    try:
+        _run(parse_options(sys.argv[1:] if arguments is None else arguments))
+        # Output that cannot be delivered shows here, not at the interpreter's end.
+        sys.stdout.flush()
+    except (UsageError, ModelError, ContextError, OutputError, WindowError) as error:
+        print(f"surfelscope: {error}", file=sys.stderr)
+        return EXIT_ERROR
+    except MemoryError:
+        print("surfelscope: there is not enough memory for this", file=sys.stderr)
+        return EXIT_ERROR
+    except BrokenPipeError:
+        # Whoever read the output has gone. Spare the interpreter a second attempt at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_ERROR
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    return 0
+
+
+def _run(options: Options) -> None:
+    # Each command imports what it needs, so that `render` starts without the window's libraries.
+    if options.command == "render":
+        from app.render_command import run_render
+
+        run_render(options)
+    elif options.command == "info":
+        from app.info_command import run_info
+
+        run_info(options)
+    else:
+        from app.window_command import run_window
+
+        run_window(options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+"""moderngl-window's GLFW window, with what a viewer of still pictures needs besides.
+
+It waits for events instead of asking for them sixty times a second, reports files dropped on it and the need to
+repaint, keeps the fractions of the cursor's position, and names keys by what the user's keyboard layout prints on them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+# imgui-bundle brings a GLFW of its own and has to point the module `glfw` at it before that is imported: two copies
+# of the library in one process know nothing of each other's windows.
+import imgui_bundle  # noqa: F401  isort: skip
+import glfw
+from moderngl_window.context.glfw.window import Window as ModernglGlfwWindow
+
+from app.errors import WindowError
+
+
+def start_glfw() -> None:
+    """Connect to the display; raises WindowError where there is none."""
+    # The windows of an X server are drawn with X; without this, GLFW's Python module may look for Wayland.
+    os.environ.setdefault("PYGLFW_LIBRARY_VARIANT", "x11")
+    glfw.ERROR_REPORTING = "ignore"
+    if not glfw.init():
+        raise WindowError(f"no display: {_last_error()}")
+
+
+def wake() -> None:
+    """Let the window's loop look whether there is something to do; may be called from any thread."""
+    glfw.post_empty_event()
+
+
+class GlfwWindow(ModernglGlfwWindow):
+    """A window; `start_glfw` comes first.
+
+    on_repaint : called when the system has lost what the window showed
+    key_name : moderngl-window's name of the key that was pressed or released last, "" if it has none
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        self.on_repaint: Callable[[], None] = lambda: None
+        self.key_name = ""
+        self._cursor_at = (0.0, 0.0)
+        try:
+            super().__init__(**kwargs)
+        except Exception as error:
+            # moderngl-window goes on without a window and stumbles over that; GLFW knows why there is none.
+            raise WindowError(f"no OpenGL 3.3 window: {_last_error() or error}") from error
+        # Escape cancels and closes what is open in the window, not the window.
+        self.exit_key = None
+        # The stubs of GLFW's module say `str` for the paths; it is a list of them.
+        on_drop: Any = self._dropped
+        glfw.set_drop_callback(self._window, on_drop)
+        glfw.set_window_refresh_callback(self._window, self._refreshed)
+        glfw.set_framebuffer_size_callback(self._window, self._refreshed)
+
+    @property
+    def handle(self) -> Any:
+        """GLFW's own window."""
+        return self._window
+
+    @property
+    def cursor_position(self) -> tuple[float, float]:
+        """Where the cursor is, in window coordinates from the top left corner."""
+        x, y = glfw.get_cursor_pos(self._window)
+        return float(x), float(y)
+
+    @property
+    def interface_scale(self) -> float:
+        """How much larger than usual letters have to be, in window coordinates."""
+        scale = float(glfw.get_window_content_scale(self._window)[0])
+        # Where window coordinates are not pixels (macOS), the system scales by itself.
+        return max(scale / max(self.pixel_ratio, 1e-6), 0.5)
+
+    def show_frame(self) -> None:
+        """Show what was drawn, without asking for events."""
+        glfw.swap_buffers(self._window)
+        self._frames += 1
+
+    def wait_for_events(self, seconds: float) -> None:
+        """Handle what has happened; wait for something to happen, but no longer than `seconds`."""
+        if seconds > 0.0:
+            glfw.wait_events_timeout(seconds)
+        else:
+            glfw.poll_events()
+
+    def glfw_key_event_callback(self, window: Any, key: int, scancode: int, action: int, mods: int) -> None:
+        """Note the name of the key, then do as moderngl-window does."""
+        self.key_name = self._name_of_key(key, scancode)
+        super().glfw_key_event_callback(window, key, scancode, action, mods)
+        # A Mac's command key stands for control.
+        self._modifiers.ctrl = bool(mods & (glfw.MOD_CONTROL | glfw.MOD_SUPER))
+
+    def glfw_mouse_event_callback(self, window: Any, xpos: float, ypos: float) -> None:
+        """Report the cursor with its fractions, which moderngl-window drops."""
+        dx, dy = xpos - self._cursor_at[0], ypos - self._cursor_at[1]
+        self._cursor_at = xpos, ypos
+        # The declared types are whole numbers.
+        report: Any = self._mouse_drag_event_func if self.mouse_states.any else self._mouse_position_event_func
+        report(xpos, ypos, dx, dy)
+
+    def _name_of_key(self, key: int, scancode: int) -> str:
+        """Return moderngl-window's name of a key; a letter goes by the layout, not by its place on a US keyboard."""
+        printed = glfw.get_key_name(key, scancode)
+        if printed and len(printed) == 1 and printed.isascii() and printed.isalpha():
+            return str(printed).upper()
+        return _KEY_NAMES.get(key, "")
+
+    def _dropped(self, _window: Any, paths: Any) -> None:
+        x, y = self.cursor_position
+        self._files_dropped_event_func(int(x), int(y), list(paths))
+
+    def _refreshed(self, *_: Any) -> None:
+        self.on_repaint()
+
+
+_KEY_NAMES = {
+    getattr(ModernglGlfwWindow.keys, name): name
+    for name in dir(ModernglGlfwWindow.keys)
+    if name.isupper() and not name.startswith("ACTION") and isinstance(getattr(ModernglGlfwWindow.keys, name), int)
+}
+
+
+def _last_error() -> str:
+    code, description = glfw.get_error()
+    text = description.decode(errors="replace") if isinstance(description, bytes) else ""  # type: ignore[redundant-expr]
+    return " ".join(text.split()) if code else ""

@@ -1,0 +1,70 @@
+"""A graph of the last frames: how long each took, stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from imgui_bundle import ImVec2, imgui
+
+from app.state import HISTORY, STAGES, FrameReport
+from app.theme import DIM, RAISED, STAGE_COLORS, as_u32, as_vec4
+
+# In units of the interface's scale.
+HEIGHT = 64.0
+
+# The axis ends at one of these times, in milliseconds, so that it does not tremble with every frame.
+AXIS_ENDS = (2.0, 5.0, 10.0, 20.0, 33.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
+
+# The mean of the last frames is shown, since single ones jump about.
+MEAN_OF = 10
+
+
+def draw_graph(history: Sequence[FrameReport], scale: float) -> None:
+    """Draw a stacked bar for each frame, the newest at the right, and the stages' times below."""
+    recent = list(history)[-MEAN_OF:]
+    mean = sum(frame.total for frame in recent) / len(recent) if recent else 0.0
+    imgui.text(f"{1e3 / mean:.0f} frames/s" if mean > 0.0 else "no frame yet")
+    imgui.same_line()
+    imgui.text_colored(as_vec4(DIM), f"{mean:.1f} ms" if mean > 0.0 else "")
+
+    draw_list = imgui.get_window_draw_list()
+    left_top, width, height = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x, HEIGHT * scale
+    right, bottom = left_top.x + width, left_top.y + height
+    draw_list.add_rect_filled(left_top, ImVec2(right, bottom), as_u32(RAISED), 5.0 * scale)
+    axis_end = _axis_end(history)
+    bar = width / HISTORY
+    for age, frame in enumerate(reversed(history)):
+        x, y = right - (age + 1) * bar, bottom
+        for color, milliseconds in zip(STAGE_COLORS, frame.milliseconds, strict=True):
+            top = max(y - milliseconds / axis_end * height, left_top.y)
+            draw_list.add_rect_filled(ImVec2(x, top), ImVec2(x + max(bar - 0.5 * scale, 1.0), y), as_u32(color))
+            y = top
+    draw_list.add_text(ImVec2(left_top.x + 6.0 * scale, left_top.y + 3.0 * scale), as_u32(DIM), f"{axis_end:.0f} ms")
+    imgui.dummy(ImVec2(width, height))
+    _legend(recent, scale)
+
+
+def _legend(recent: Sequence[FrameReport], scale: float) -> None:
+    column = 0.5 * imgui.get_content_region_avail().x
+    for index, (stage, color) in enumerate(zip(STAGES, STAGE_COLORS, strict=True)):
+        if index % 2:
+            imgui.same_line(column + imgui.get_style().window_padding.x)
+        place, side = imgui.get_cursor_screen_pos(), 9.0 * scale
+        middle = place.y + 0.5 * imgui.get_text_line_height()
+        imgui.get_window_draw_list().add_rect_filled(
+            ImVec2(place.x, middle - 0.5 * side),
+            ImVec2(place.x + side, middle + 0.5 * side),
+            as_u32(color),
+            2.0 * scale,
+        )
+        imgui.dummy(ImVec2(side, 0.0))
+        imgui.same_line()
+        mean = sum(frame.milliseconds[index] for frame in recent) / len(recent) if recent else 0.0
+        imgui.text(stage)
+        imgui.same_line()
+        imgui.text_colored(as_vec4(DIM), f"{mean:.1f} ms")
+
+
+def _axis_end(history: Sequence[FrameReport]) -> float:
+    longest = max((sum(frame.milliseconds) for frame in history), default=0.0)
+    return next((end for end in AXIS_ENDS if end >= longest), longest)

@@ -1,0 +1,82 @@
+"""`surfelscope render`: draw without a window."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import moderngl
+
+from app.errors import UsageError
+from app.export import check_writable, write_frame
+from app.framing import frame_scene, view_of_pose
+from app.options import Options
+from app.progress import Reporter
+from app.scene import ModelSource, Scene, open_scene
+from app.statistics import Statistic, draw_frames, frame_statistics, scene_statistics
+
+DEFAULT_RESOLUTION = (1024, 1024)
+
+
+def run_render(options: Options) -> None:
+    """Draw the model and write the outputs.
+
+    Raises UsageError, ModelError, ContextError or OutputError, each with one line.
+    """
+    for path in options.outputs:
+        check_writable(path)
+    reporter = Reporter(options.verbose)
+    source = ModelSource(options.model, options.texture, options.points)
+    scene = open_scene(source, options.texels if options.normal_mapping else None, reporter.progress)
+    reporter.warnings(scene.hierarchy.warnings)
+    statistics = draw_scene(scene, options, reporter)
+    if options.json:
+        print(json.dumps(statistics, indent=2))
+
+
+def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, Statistic]:
+    """Draw a scene in a context of its own, write the outputs and return the statistics."""
+    from renderer.context import ContextError, create_headless_context
+    from renderer.renderer import Renderer
+    from renderer.settings import Settings
+
+    resolution = options.resolution or DEFAULT_RESOLUTION
+    try:
+        view = view_of_pose(frame_scene(scene, options.camera, resolution), scene, resolution)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    settings = Settings(normal_mapping=options.normal_mapping)
+    reporter.progress("Drawing", 0.0)
+    ctx = create_headless_context()
+    try:
+        renderer = Renderer(ctx)
+        renderer.set_hierarchy(scene.hierarchy)
+        renderer.set_tiles(scene.tiles)
+        framebuffer = ctx.simple_framebuffer(resolution)
+        radii = (options.r_sil, options.r_inner)
+        cut, times = draw_frames(renderer, framebuffer, scene, view, radii, settings, options.frames)
+        statistics = scene_statistics(scene) | frame_statistics(cut, times, renderer, ctx)
+        if options.outputs:
+            frame = renderer.read_arrays()
+            for path in options.outputs:
+                write_frame(path, frame)
+                reporter.say(f"wrote {path}")
+        renderer.release()
+    except moderngl.Error as error:
+        # A driver's refusal: too little memory, a picture larger than it can hold.
+        raise ContextError(f"OpenGL: {' '.join(str(error).split())}") from error
+    finally:
+        ctx.release()
+    return statistics
+
+
+def render_instead_of_window(options: Options, reason: str, output: Path) -> None:
+    """Draw what the window would have shown to a file, and say so on standard output."""
+    check_writable(output)
+    reporter = Reporter(options.verbose)
+    scene = open_scene(ModelSource(options.model, options.texture, options.points), options.texels, reporter.progress)
+    reporter.warnings(scene.hierarchy.warnings)
+    draw_scene(scene, options, reporter)
+    print(f"{reason}: the picture is in {output}")
+    sys.stdout.flush()

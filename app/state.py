@@ -1,0 +1,78 @@
+"""What the user can change while looking, and what the panel shows of it."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+from renderer.settings import Settings
+
+# Frames that the graph shows.
+HISTORY = 120
+
+# The stages of a frame, in the order in which they run and are stacked in the graph.
+STAGES = ("select", "visibility", "attributes", "resolve")
+
+
+@dataclass(frozen=True)
+class FrameReport:
+    """What a drawn frame consisted of and took.
+
+    milliseconds : one number for each of STAGES
+    total : milliseconds from the start of the selection until the GPU had finished
+    """
+
+    splats: int
+    triangles: int
+    silhouette: int
+    visited: int
+    milliseconds: tuple[float, float, float, float]
+    total: float
+
+
+@dataclass(frozen=True)
+class Message:
+    """A line that the window shows until `until` (seconds of time.monotonic)."""
+
+    text: str
+    is_error: bool
+    until: float
+
+
+@dataclass
+class ViewerState:
+    """Everything that the panel edits or shows, apart from the scene itself.
+
+    r_sil, r_inner : pixels
+    texels : along one side of a tile, as chosen; the tiles in use may still be others
+    continuous : draw again and again, to measure
+    ui_scale : size of the panel's letters over their usual size
+    """
+
+    r_sil: float = 2.0
+    r_inner: float = 16.0
+    texels: int = 16
+    settings: Settings = field(default_factory=Settings)
+    show_panel: bool = True
+    show_help: bool = False
+    continuous: bool = False
+    history: deque[FrameReport] = field(default_factory=lambda: deque(maxlen=HISTORY))
+    messages: list[Message] = field(default_factory=list)
+
+    # Long enough to read; errors, which say more, longer.
+    MESSAGE_SECONDS = 4.0
+    ERROR_SECONDS = 10.0
+
+    def say(self, text: str, *, is_error: bool = False) -> None:
+        """Show a line for a while."""
+        seconds = self.ERROR_SECONDS if is_error else self.MESSAGE_SECONDS
+        self.messages.append(Message(text, is_error, time.monotonic() + seconds))
+
+    def drop_old_messages(self, now: float) -> None:
+        """Forget the messages whose time has passed."""
+        self.messages = [message for message in self.messages if message.until > now]
+
+    def next_expiry(self) -> float | None:
+        """Return when the next message has to go, None: there is none."""
+        return min((message.until for message in self.messages), default=None)

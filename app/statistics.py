@@ -1,0 +1,104 @@
+"""What `--json` reports: sizes of what was built, and medians of what the frames took."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING
+
+import moderngl
+
+from app.memory import peak_memory_mb
+from app.scene import Scene
+from hierarchy.view import View
+
+if TYPE_CHECKING:
+    from hierarchy.lod import Cut
+    from renderer.renderer import Renderer
+    from renderer.settings import Settings
+
+Statistic = str | int | float | bool | None
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """What one frame took, in milliseconds.
+
+    select : choosing the level of detail
+    draw : the three passes, until the GPU has finished
+    """
+
+    select: float
+    draw: float
+
+    @property
+    def frame(self) -> float:
+        return self.select + self.draw
+
+
+def draw_frames(
+    renderer: Renderer,
+    framebuffer: moderngl.Framebuffer,
+    scene: Scene,
+    view: View,
+    radii: tuple[float, float],
+    settings: Settings,
+    count: int,
+) -> tuple[Cut, list[FrameTimes]]:
+    """Draw the same frame `count` times, each from the selection on; return the last cut and the times.
+
+    radii : r_sil and r_inner in pixels
+    """
+    from hierarchy.lod import select_cut
+
+    times = []
+    for _ in range(count):
+        start = time.perf_counter()
+        cut = select_cut(scene.hierarchy, view, *radii, two_sided=settings.two_sided)
+        selected = time.perf_counter()
+        renderer.draw(cut, view, settings, framebuffer)
+        framebuffer.ctx.finish()
+        drawn = time.perf_counter()
+        times.append(FrameTimes(1e3 * (selected - start), 1e3 * (drawn - selected)))
+    return cut, times
+
+
+def scene_statistics(scene: Scene) -> dict[str, Statistic]:
+    """Return sizes and times of what was built."""
+    hierarchy, tiles = scene.hierarchy, scene.tiles
+    return {
+        "model": hierarchy.name,
+        "base_primitives": hierarchy.leaf_count,
+        "base_kind": hierarchy.leaf_kind,
+        "nodes": hierarchy.node_count,
+        "hierarchy_bytes": hierarchy.nbytes,
+        "tiles": tiles.count if tiles else 0,
+        "tile_texels": tiles.texels if tiles else 0,
+        "tile_bytes": tiles.nbytes if tiles else 0,
+        "load_s": round(scene.load_s, 4),
+        "build_s": round(scene.build_s, 4),
+        "bake_s": round(scene.bake_s, 4),
+    }
+
+
+def frame_statistics(
+    cut: Cut, times: list[FrameTimes], renderer: Renderer, ctx: moderngl.Context
+) -> dict[str, Statistic]:
+    """Return what the last frame drew and the medians of the times."""
+    return {
+        "splats": int(cut.splat_count),
+        "triangles": int(cut.triangle_count),
+        "silhouette_splats": int(cut.silhouette_splats),
+        "silhouette_triangles": int(cut.silhouette_triangles),
+        "visited_nodes": int(cut.visited_nodes),
+        "frames": len(times),
+        "select_ms": round(median(t.select for t in times), 4),
+        "draw_ms": round(median(t.draw for t in times), 4),
+        "frame_ms": round(median(t.frame for t in times), 4),
+        **{f"{stage}_ms": round(milliseconds, 4) for stage, milliseconds in renderer.timings.items()},
+        "gpu_bytes": int(renderer.gpu_bytes),
+        "gl_renderer": ctx.info["GL_RENDERER"],
+        "gl_version": ctx.info["GL_VERSION"],
+        "peak_memory_mb": peak_memory_mb(),
+    }

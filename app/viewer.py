@@ -1,0 +1,173 @@
+"""The viewer without its window: which model is open, what is being worked on, where the camera stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from app.background import BackgroundTask
+from app.commands import Command
+from app.framing import frame_scene, view_of_pose
+from app.options import CameraOptions, Options
+from app.orbit_camera import OrbitCamera, orbit_from_pose
+from app.scene import ModelSource, Scene, bake_scene, open_scene
+from app.state import ViewerState
+from hierarchy.model import Cancelled, ModelError, Progress
+from hierarchy.view import View, look_at
+from renderer.settings import Settings
+
+QUARTER = 1.5707963267948966
+
+# Azimuth and elevation of the axes' views.
+AXIS_VIEWS = {
+    Command.FRONT: (0.0, 0.0),
+    Command.BACK: (2.0 * QUARTER, 0.0),
+    Command.RIGHT: (QUARTER, 0.0),
+    Command.LEFT: (-QUARTER, 0.0),
+    Command.TOP: (0.0, QUARTER),
+    Command.BOTTOM: (0.0, -QUARTER),
+}
+
+
+class Viewer:
+    """Opens models in the background and keeps the one that is shown.
+
+    scene, camera : None until the first model has been built
+    wake : called from the background, to have `poll` called soon
+    """
+
+    def __init__(self, options: Options, wake: Callable[[], None]) -> None:
+        settings = Settings(normal_mapping=options.normal_mapping)
+        self.state = ViewerState(options.r_sil, options.r_inner, options.texels, settings)
+        self.scene: Scene | None = None
+        self.camera: OrbitCamera | None = None
+        self.task: BackgroundTask[Scene] | None = None
+        self._wake = wake
+        self._points = options.points
+        self._texture = options.texture
+        # What the command line fixed of the camera holds for its own model, not for those opened later.
+        self._camera_options = options.camera
+        self._opens = False
+        self._baking = 0
+        self.open(ModelSource(options.model, options.texture, options.points))
+
+    def open_path(self, path: Path) -> None:
+        """Open a file that the user chose, with the options of the command line but for its camera."""
+        self.open(ModelSource(path, None, self._points))
+
+    def open(self, source: ModelSource) -> None:
+        """Load and build another model in the background; the one that is open stays until then."""
+        self._start(lambda progress: _open_ready_to_select(source, progress), opens=True)
+
+    def poll(self, resolution: tuple[int, int]) -> None:
+        """Take over what the background has finished, and start what has to be done next."""
+        task = self.task
+        if task is not None and task.finished:
+            self.task = None
+            self._take(task, resolution)
+        self._bake_if_needed()
+
+    def cancel(self) -> bool:
+        """Stop the work in the background; False: there is none."""
+        if self.task is None:
+            return False
+        self.task.cancel()
+        return True
+
+    def close(self) -> None:
+        """Stop the work and give it a moment to end."""
+        if self.task is not None:
+            self.task.cancel()
+            self.task.wait(5.0)
+
+    def fit(self, resolution: tuple[int, int]) -> None:
+        """Show the whole model from the same direction."""
+        if self.camera is not None and self.scene is not None:
+            centre, radius = self.scene.hierarchy.bounds
+            aspect = resolution[0] / resolution[1]
+            self.camera = self.camera.fit(self.scene.hierarchy.origin + centre, radius, aspect)
+
+    def look_along_axis(self, command: Command) -> None:
+        """Look at the pivot along one of the axes."""
+        if self.camera is not None:
+            self.camera = self.camera.look_from(*AXIS_VIEWS[command])
+
+    def view(self, resolution: tuple[int, int]) -> View:
+        """Return what the camera sees of the scene; both have to be there."""
+        assert self.scene is not None
+        assert self.camera is not None
+        camera, hierarchy = self.camera, self.scene.hierarchy
+        return look_at(
+            camera.position,
+            camera.pivot,
+            camera.view_up,
+            camera.view_angle,
+            resolution,
+            origin=hierarchy.origin,
+            bounds=hierarchy.bounds,
+        )
+
+    def _start(self, work: Callable[[Progress], Scene], *, opens: bool) -> None:
+        running = self.task
+        if running is not None:
+            running.cancel()
+        self._opens = opens
+        self.task = BackgroundTask(work, self._wake, after=running)
+
+    def _take(self, task: BackgroundTask[Scene], resolution: tuple[int, int]) -> None:
+        try:
+            scene = task.result()
+        except Cancelled:
+            self.state.say("Cancelled")
+            self._forget_wish()
+        except ModelError as error:
+            self.state.say(str(error), is_error=True)
+        except MemoryError:
+            self.state.say("There is not enough memory for this", is_error=True)
+            self._forget_wish()
+        except Exception as error:
+            # The window has to outlive whatever a reader of files stumbles over.
+            self.state.say(f"{type(error).__name__}: {error}", is_error=True)
+            self._forget_wish()
+        else:
+            if self._opens:
+                self._frame(scene, resolution)
+                for warning in scene.hierarchy.warnings:
+                    self.state.say(warning)
+            self.scene = scene
+
+    def _forget_wish(self) -> None:
+        """Do not start again what has just been cancelled or has failed: keep the tiles that there are."""
+        if not self._opens and self.scene is not None:
+            self.state.texels = self.scene.tiles.texels if self.scene.tiles else 0
+
+    def _bake_if_needed(self) -> None:
+        scene, wanted = self.scene, self.state.texels
+        if scene is None or wanted == 0 or (self.task is not None and self._opens):
+            return
+        baking = self._baking if self.task is not None else scene.tiles.texels if scene.tiles else 0
+        if baking != wanted:
+            self._baking = wanted
+            self._start(lambda progress: bake_scene(scene, wanted, progress), opens=False)
+
+    def _frame(self, scene: Scene, resolution: tuple[int, int]) -> None:
+        options, self._camera_options = self._camera_options, CameraOptions()
+        pose = frame_scene(scene, options, resolution)
+        try:
+            self.camera = orbit_from_pose(pose.position, pose.focal_point, pose.view_up, pose.view_angle)
+        except ValueError as error:
+            self.state.say(str(error), is_error=True)
+            pose = frame_scene(scene, CameraOptions(), resolution)
+            self.camera = orbit_from_pose(pose.position, pose.focal_point, pose.view_up, pose.view_angle)
+
+
+def _open_ready_to_select(source: ModelSource, progress: Progress) -> Scene:
+    """Open a scene without tiles and choose a first cut, so that its kernel is compiled before the window wants it."""
+    from hierarchy.lod import select_cut
+
+    scene = open_scene(source, None, progress)
+    progress("Preparing the selection", 1.0)
+    resolution = (64, 64)
+    view = view_of_pose(frame_scene(scene, CameraOptions(), resolution), scene, resolution)
+    select_cut(scene.hierarchy, view, 2.0, 16.0, two_sided=False)
+    return scene

@@ -1,0 +1,117 @@
+"""The part of the window that shows the model: draws a frame when there is a new one, keeps it otherwise."""
+
+from __future__ import annotations
+
+import time
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from app.scene import Scene
+from app.state import STAGES, FrameReport, ViewerState
+from app.viewer import Viewer
+from hierarchy.lod import select_cut
+from renderer.renderer import Renderer
+
+
+class Viewport:
+    """Owns the renderer and the picture that it drew last.
+
+    size : width and height of the picture in pixels
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self._renderer = Renderer(ctx)
+        self._target: moderngl.Framebuffer | None = None
+        self._uploaded: Scene | None = None
+        self._drawn: tuple[object, ...] | None = None
+        self.size = (1, 1)
+
+    @property
+    def gpu_bytes(self) -> int:
+        """Bytes that the renderer holds on the GPU."""
+        return self._renderer.gpu_bytes
+
+    def is_stale(self, viewer: Viewer) -> bool:
+        """The picture is not the one that would be drawn now."""
+        return viewer.scene is not None and self._drawn != self._wanted(viewer)
+
+    def draw(self, viewer: Viewer) -> FrameReport:
+        """Draw the scene of the viewer, which has to have one, and tell what it took."""
+        assert viewer.scene is not None
+        self._upload(viewer.scene)
+        state, target = viewer.state, self._framebuffer()
+        start = time.perf_counter()
+        view = viewer.view(self.size)
+        cut = select_cut(viewer.scene.hierarchy, view, state.r_sil, state.r_inner, two_sided=state.settings.two_sided)
+        selected = time.perf_counter()
+        self._renderer.draw(cut, view, state.settings, target)
+        self._ctx.finish()
+        end = time.perf_counter()
+        self._drawn = self._wanted(viewer)
+        stages = {"select": 1e3 * (selected - start), **self._renderer.timings}
+        first, second, third, fourth = (float(stages.get(stage, 0.0)) for stage in STAGES)
+        return FrameReport(
+            splats=int(cut.splat_count),
+            triangles=int(cut.triangle_count),
+            silhouette=int(cut.silhouette_count),
+            visited=int(cut.visited_nodes),
+            milliseconds=(first, second, third, fourth),
+            total=1e3 * (end - start),
+        )
+
+    def show(self, screen: moderngl.Framebuffer) -> None:
+        """Copy the picture into the lower left corner of the window's framebuffer."""
+        if self._target is not None and self._drawn is not None:
+            self._ctx.copy_framebuffer(screen, self._target)
+
+    def picture(self) -> npt.NDArray[np.uint8] | None:
+        """Return what was drawn last, uint8 (H, W, 4), row 0 at the top; None: nothing yet."""
+        if self._target is None or self._drawn is None:
+            return None
+        width, height = self._target.size
+        pixels = np.frombuffer(self._target.read(components=4), np.uint8).reshape(height, width, 4)[::-1].copy()
+        pixels[..., 3] = 255
+        return pixels
+
+    def depth_at(self, x: float, y: float) -> float | None:
+        """Return the depth of the surface drawn at a pixel, counted from the top left; None: there is none."""
+        if self._drawn is None or self._target is None:
+            return None
+        width, height = self._target.size
+        column, row = int(x), int(y)
+        if not (0 <= column < width and 0 <= row < height):
+            return None
+        depth = float(self._renderer.depth_at(column, row))
+        return depth if np.isfinite(depth) else None
+
+    def release(self) -> None:
+        """Give back what is held on the GPU."""
+        self._renderer.release()
+        if self._target is not None:
+            self._target.release()
+
+    def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
+        """Everything that the picture depends on; equal means that the picture is the same."""
+        state: ViewerState = viewer.state
+        return (viewer.scene, viewer.camera, state.r_sil, state.r_inner, state.settings, self.size)
+
+    def _upload(self, scene: Scene) -> None:
+        last = self._uploaded
+        if last is scene:
+            return
+        if last is None or last.hierarchy is not scene.hierarchy:
+            self._renderer.set_hierarchy(scene.hierarchy)
+            self._renderer.set_tiles(scene.tiles)
+        elif last.tiles is not scene.tiles:
+            self._renderer.set_tiles(scene.tiles)
+        self._uploaded = scene
+
+    def _framebuffer(self) -> moderngl.Framebuffer:
+        if self._target is None or self._target.size != self.size:
+            if self._target is not None:
+                self._target.release()
+            self._target = self._ctx.simple_framebuffer(self.size)
+        return self._target
