@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hierarchy.model import Cancelled, Mesh, Model, ModelError, PointCloud, Progress, ignore_progress
+from hierarchy.model import Cancelled, Mesh, Model, ModelError, PointCloud, Progress, UInt8Array, ignore_progress
 from hierarchy.part import Part, UnreadableFile
 
 # What a file starts with says more than what it is called.
 SIGNATURES = ((b"ply", "ply"), (b"LASF", "las"), (b"glTF", "glb"))
 
-LAS_SUFFIXES = ("las", "laz")
-TEXT_SUFFIXES = ("xyz", "pts", "txt", "asc", "csv", "xyzrgb", "xyzn")
+LAS_KINDS = ("las", "laz")
+TEXT_KINDS = ("xyz", "pts", "txt", "asc", "csv", "xyzrgb", "xyzn")
+
+# What a library says is shown up to this many characters.
+LONGEST_REASON = 120
 
 
 def load_model(
@@ -26,24 +29,20 @@ def load_model(
     """
     path = Path(path)
     name = path.name or str(path)
+    kind = ""
     try:
         progress("load", 0.0)
         kind = file_kind(path)
-        parts = read_parts(path, kind)
+        parts = read_parts(path, kind, progress)
         progress("load", 0.3)
         return _assemble(name, path, parts, texture, progress)
-    except UnreadableFile as reason:
-        raise ModelError(_one_line(f"{name}: {reason}")) from None
-    except (ModelError, Cancelled):
+    except (Cancelled, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
-    except FileNotFoundError:
-        raise ModelError(_one_line(f"{name}: no such file")) from None
-    except PermissionError:
-        raise ModelError(_one_line(f"{name}: no permission to read it")) from None
-    except OSError as error:
-        raise ModelError(_one_line(f"{name}: cannot be read: {error.strerror or error}")) from None
-    except MemoryError:
-        raise ModelError(_one_line(f"{name}: not enough memory to load it")) from None
+    except BaseException as error:
+        # BaseException, because a panic in Rust code, of which lazrs has some, is no Exception.
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
+        raise ModelError(_one_line(f"{name}: {_reason(error, kind)}")) from error
 
 
 def file_kind(path: Path) -> str:
@@ -65,24 +64,90 @@ def file_kind(path: Path) -> str:
     return path.suffix[1:].lower()
 
 
-def read_parts(path: Path, kind: str) -> list[Part]:
-    """Read the parts of a file of a known kind. Raises UnreadableFile, OSError."""
+def read_parts(path: Path, kind: str, progress: Progress = ignore_progress) -> list[Part]:
+    """Read the parts of a file of a known kind. Raises UnreadableFile, OSError and what the libraries raise."""
     if kind == "ply":
         from hierarchy.ply import read_ply
 
         return read_ply(path)
-    raise UnreadableFile(f"unknown kind of file ({path.suffix or 'no suffix'})")
+    if kind in LAS_KINDS:
+        from hierarchy.las import read_las
+
+        return read_las(path, progress)
+    if kind in TEXT_KINDS:
+        from hierarchy.text_points import read_text_points
+
+        return read_text_points(path)
+    from hierarchy.trimesh_files import read_with_trimesh, trimesh_reads
+
+    if not trimesh_reads(kind):
+        raise UnreadableFile(f"unknown kind of file ({path.suffix or 'no suffix'})")
+    return read_with_trimesh(path, kind)
+
+
+def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, warnings: list[str]) -> None:
+    """Give the parts with texture coordinates the image that was asked for, or else the one that they name.
+
+    Raises UnreadableFile where the image that was asked for cannot be read; one that the model names is only missed.
+    """
+    from hierarchy.references import inside_folder
+    from hierarchy.texture import read_texture
+
+    if texture is not None:
+        image = read_texture(Path(texture))
+        if all(part.texture_coordinates is None for part in parts):
+            warnings.append("the texture is not used: the model has no texture coordinates")
+        for part in parts:
+            part.texture = image
+        return
+    images: dict[str, UInt8Array] = {}
+    for part in parts:
+        if part.texture_name is None or part.texture_coordinates is None:
+            continue
+        try:
+            if part.texture_name not in images:
+                images[part.texture_name] = read_texture(inside_folder(path.parent, part.texture_name))
+            part.texture = images[part.texture_name]
+        except (UnreadableFile, OSError) as error:
+            reason = "is not in the model's folder" if isinstance(error, OSError) else "cannot be read"
+            sentence = f"the texture {part.texture_name} {reason}"
+            if sentence not in warnings:
+                warnings.append(sentence)
 
 
 def _assemble(name: str, path: Path, parts: list[Part], texture: str | Path | None, progress: Progress) -> Model:
     """Make one model of the parts: a mesh where any has faces, else a cloud."""
-    from hierarchy.assemble import assemble_mesh
-
     warnings: list[str] = []
     meshes = [part for part in parts if part.faces is not None]
     if meshes:
+        from hierarchy.assemble import assemble_mesh
+
+        attach_textures(path, meshes, texture, warnings)
         return assemble_mesh(name, meshes, warnings, progress)
-    raise UnreadableFile("nothing to draw: it holds neither faces nor points")
+    if texture is not None:
+        warnings.append("the texture is not used: the model has no faces")
+    from hierarchy.assemble_cloud import assemble_cloud
+
+    return assemble_cloud(name, parts, warnings, progress)
+
+
+def _reason(error: BaseException, kind: str) -> str:
+    """Say in words of the user what went wrong."""
+    match error:
+        case UnreadableFile():
+            return str(error)
+        case FileNotFoundError():
+            return "no such file"
+        case PermissionError():
+            return "no permission to read it"
+        case MemoryError():
+            return "not enough memory to load it"
+        case ModuleNotFoundError():
+            return f"reading {kind.upper()} files needs the Python package {error.name}"
+        case OSError(strerror=str(text)):
+            return f"cannot be read: {text}"
+    said = _one_line(str(error)) or type(error).__name__
+    return f"damaged, truncated or not a {kind.upper()} file ({said[:LONGEST_REASON]})"
 
 
 def _one_line(message: str) -> str:

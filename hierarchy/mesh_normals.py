@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from hierarchy.clean import counted
 from hierarchy.creases import smooth_groups
-from hierarchy.model import Float32Array, Float64Array, Int32Array, UInt8Array
+from hierarchy.model import BoolArray, Float32Array, Float64Array, Int32Array
 from hierarchy.unique_rows import unique_rows
 from hierarchy.vertex_normals import corner_group_normals, vertex_normals
+
+AnyArray = npt.NDArray[np.generic]
 
 # A file's normal shorter than this fraction of a unit is no direction. Exporters that write unit normals with three
 # decimals stay far above it.
@@ -52,24 +56,24 @@ class Surface:
 
 
 def make_normals(
-    surface: Surface, colors: UInt8Array | None
-) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Array | None]:
+    surface: Surface, attributes: Sequence[AnyArray]
+) -> tuple[Float32Array, Int32Array, Float32Array, list[AnyArray]]:
     """Make normals where the file has none; a crease gets one vertex per side.
 
-    colors : uint8 (V, 4) or None
-    Returns positions, faces, normals and colours of the new vertices.
+    attributes : arrays (V, ...) that tell vertices at one place apart
+    Returns positions, faces, normals and attributes of the new vertices.
     """
     point_faces = surface.point_faces
     groups = smooth_groups(surface.points, point_faces)
     if groups is not None:
         normals = corner_group_normals(surface.points, point_faces, *groups)[groups[0].ravel()]
         corners = np.arange(point_faces.size, dtype=np.int32).reshape(-1, 3)
-        corner_colors = None if colors is None else colors[surface.faces.ravel()]
-        return weld_equal(surface.points[point_faces.ravel()], corners, normals, corner_colors)
+        at_corners = [values[surface.faces.ravel()] for values in attributes]
+        return weld_equal(surface.points[point_faces.ravel()], corners, normals, at_corners)
     normals = vertex_normals(surface.points, point_faces)
-    if colors is None:
-        return surface.points, point_faces, normals, None
-    return weld_equal(surface.positions, surface.faces, normals[surface.point_of_vertex], colors)
+    if not attributes:
+        return surface.points, point_faces, normals, []
+    return weld_equal(surface.positions, surface.faces, normals[surface.point_of_vertex], attributes)
 
 
 def check_normals(surface: Surface, normals: Float64Array, closed: bool, warnings: list[str]) -> Float32Array:
@@ -78,10 +82,7 @@ def check_normals(surface: Surface, normals: Float64Array, closed: bool, warning
     Where most of the area disagrees with its normals about the outer side, one of them is wrong: the normals where
     the surface is closed, because then the volume tells; else the faces, which are turned in `surface`.
     """
-    largest = np.abs(normals).max(axis=1)
-    bad = ~(np.isfinite(largest) & (largest > SHORTEST_NORMAL))
-    safe = np.where(bad[:, None], 1.0, normals) / np.where(bad, 1.0, largest)[:, None]
-    unit = (safe / np.linalg.norm(safe, axis=1, keepdims=True)).astype(np.float32)
+    unit, bad = unit_or_bad(normals)
     good_faces = ~bad[surface.faces].any(axis=1)
     areas = surface.area_vectors()
     agreement = np.einsum("ij,ij->i", areas, unit[surface.faces].sum(axis=1, dtype=np.float64))
@@ -100,14 +101,21 @@ def check_normals(surface: Surface, normals: Float64Array, closed: bool, warning
     return unit
 
 
+def unit_or_bad(normals: Float64Array) -> tuple[Float32Array, BoolArray]:
+    """Return normals (V, 3) as unit float32, and which of them, (V,), are no direction: not finite, or zero."""
+    largest = np.abs(normals).max(axis=1)
+    bad: BoolArray = ~(np.isfinite(largest) & (largest > SHORTEST_NORMAL))
+    # Divided by the largest component first, so that the square of none overflows.
+    safe = np.where(bad[:, None], 1.0, normals) / np.where(bad, 1.0, largest)[:, None]
+    return (safe / np.linalg.norm(safe, axis=1, keepdims=True)).astype(np.float32), bad
+
+
 def weld_equal(
-    positions: Float32Array, faces: Int32Array, normals: Float32Array, colors: UInt8Array | None
-) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Array | None]:
-    """Make one of vertices (V, ...) that agree in everything; returns positions, faces, normals and colours."""
-    columns = [positions.view(np.uint32), normals.view(np.uint32)]
-    if colors is not None:
-        columns.append(np.ascontiguousarray(colors).view(np.uint32))
-    inverse, first = unique_rows(np.concatenate(columns, axis=1))
+    positions: Float32Array, faces: Int32Array, normals: Float32Array, attributes: Sequence[AnyArray]
+) -> tuple[Float32Array, Int32Array, Float32Array, list[AnyArray]]:
+    """Make one of vertices (V, ...) that agree in everything; returns positions, faces, normals and attributes."""
+    columns = [np.ascontiguousarray(values).reshape(len(values), -1) for values in (positions, normals, *attributes)]
+    inverse, first = unique_rows(np.concatenate([values.view(np.uint32) for values in columns], axis=1))
     if len(first) == len(positions):
-        return positions, faces, normals, colors
-    return positions[first], inverse[faces], normals[first], None if colors is None else colors[first]
+        return positions, faces, normals, list(attributes)
+    return positions[first], inverse[faces], normals[first], [values[first] for values in attributes]

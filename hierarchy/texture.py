@@ -1,0 +1,127 @@
+"""Textures: read an image, and turn it into colours at the vertices.
+
+A surfel carries one colour, so the texture has to live at the vertices. Triangles that span many texels are split
+until an edge spans only a few.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hierarchy.model import Float32Array, Float64Array, Int32Array, UInt8Array
+from hierarchy.part import UnreadableFile
+from hierarchy.subdivide import AnyArray, subdivide_edges
+from hierarchy.unique_rows import unique_positions
+
+# Texels that an edge may span. Linear interpolation between samples 2.5 texels apart still shows all but the finest
+# detail; 1 would cost six times the triangles.
+TEXELS_PER_EDGE = 2.5
+
+# Splitting for a texture stops here: a hierarchy of so many leaves takes some seconds to build.
+MOST_FACES = 1_000_000
+
+# Edges shorter than this fraction of the model are not split: their middle would fall on an end in float32.
+SHORTEST_EDGE = 1e-6
+
+
+def read_texture(path: Path) -> UInt8Array:
+    """Read an image file as uint8 (H, W, 4) straight RGBA. Raises UnreadableFile."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            return texels(image)
+    except FileNotFoundError:
+        raise UnreadableFile(f"no such texture: {path.name}") from None
+    except PermissionError:
+        raise UnreadableFile(f"no permission to read the texture {path.name}") from None
+    except Exception as error:
+        # Pillow raises a dozen kinds for damaged images.
+        raise UnreadableFile(f"the texture {path.name} is no readable image") from error
+
+
+def texels(image: Any) -> UInt8Array:
+    """Return a Pillow image as uint8 (H, W, 4) straight RGBA."""
+    if image.mode.startswith("I"):
+        # Pillow clips 16-bit grey instead of scaling it.
+        grey = np.clip(np.asarray(image).astype(np.int64) >> 8, 0, 255).astype(np.uint8)
+        return np.stack([grey, grey, grey, np.full_like(grey, 255)], axis=2)
+    return np.ascontiguousarray(np.asarray(image.convert("RGBA")))
+
+
+def sample_bilinear(texture: UInt8Array, coordinates: Float64Array) -> UInt8Array:
+    """Sample a texture between its texels' centres.
+
+    texture : uint8 (H, W, 4), row 0 at the top
+    coordinates : (N, 2), u to the right and v up, 0..1 over the image. Where one lies outside the image repeats;
+        where all are inside it ends at its border, so that opposite borders do not mix. Not finite ones count as 0
+    Returns uint8 (N, 4).
+    """
+    height, width = texture.shape[:2]
+    coordinates = np.nan_to_num(coordinates, nan=0.0, posinf=0.0, neginf=0.0)
+    repeats = bool(((coordinates < 0.0) | (coordinates > 1.0)).any())
+    if repeats:
+        coordinates = coordinates - np.floor(coordinates)
+    x = coordinates[:, 0] * width - 0.5
+    y = (1.0 - coordinates[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    fx, fy = (x - left)[:, None], (y - top)[:, None]
+
+    def texel(row: AnyArray, column: AnyArray) -> AnyArray:
+        if repeats:
+            return texture[row % height, column % width]
+        return texture[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+
+    upper = (1.0 - fx) * texel(top, left) + fx * texel(top, left + 1)
+    lower = (1.0 - fx) * texel(top + 1, left) + fx * texel(top + 1, left + 1)
+    return np.rint((1.0 - fy) * upper + fy * lower).astype(np.uint8)
+
+
+def paint(
+    positions: Float32Array,
+    faces: Int32Array,
+    normals: Float32Array,
+    colors: UInt8Array | None,
+    textures: Sequence[UInt8Array],
+    texture_of_vertex: Int32Array,
+    texels: Float64Array,
+) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Array]:
+    """Put textures into vertex colours, splitting triangles until an edge spans at most `TEXELS_PER_EDGE` texels.
+
+    positions, normals : float32 (V, 3); faces : int32 (T, 3)
+    colors : uint8 (V, 4) of the vertices without a texture; None is white
+    texture_of_vertex : int32 (V,), the number of a texture, one for all corners of a face, or -1
+    texels : float64 (V, 2), texture coordinates times the texture's width and height
+    Returns positions, faces, normals and colours of a mesh of at most `MOST_FACES` faces, or as many as it had.
+    """
+    shortest = SHORTEST_EDGE * float(np.abs(positions).max())
+
+    def excess(positions: AnyArray, attributes: Sequence[AnyArray], ends: Int32Array) -> AnyArray:
+        a, b = ends.T
+        span = np.linalg.norm(attributes[1][a] - attributes[1][b], axis=1) / TEXELS_PER_EDGE
+        length = np.abs(positions[a] - positions[b]).max(axis=1)
+        return np.where(length > shortest, span, 0.0)
+
+    points, _ = unique_positions(positions)
+    if colors is None:
+        colors = np.full((len(positions), 4), 255, np.uint8)
+    split = subdivide_edges(
+        positions,
+        faces,
+        [normals, texels, colors, texture_of_vertex],
+        excess,
+        most_faces=max(MOST_FACES, len(faces)),
+        points=points,
+    )
+    normals, texels, colors, texture_of_vertex = split.attributes
+    # The middle of two opposite normals has none: keep it finite, along z.
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(lengths > 1e-6, normals / np.maximum(lengths, 1e-6), np.float32([0.0, 0.0, 1.0]))
+    for number, texture in enumerate(textures):
+        painted = texture_of_vertex == number
+        colors[painted] = sample_bilinear(texture, texels[painted] / (texture.shape[1], texture.shape[0]))
+    return split.positions, split.faces, normals.astype(np.float32), colors

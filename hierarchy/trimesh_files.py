@@ -1,0 +1,151 @@
+"""Read what trimesh reads: STL, OBJ, OFF, glTF, 3MF, COLLADA and more, with the scene's transforms applied."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from hierarchy.model import UInt8Array
+from hierarchy.part import Part, UnreadableFile
+from hierarchy.references import inside_folder
+from hierarchy.texture import texels
+
+# What trimesh gives a material that the file does not define.
+DEFAULT_GREY = (102, 102, 102, 255)
+
+
+def trimesh_reads(kind: str) -> bool:
+    """Tell whether trimesh has a reader for a suffix (lower case, no dot)."""
+    import trimesh
+
+    return kind in trimesh.available_formats()
+
+
+def read_with_trimesh(path: Path, kind: str) -> list[Part]:
+    """Read every mesh and point cloud of a file. Raises UnreadableFile, OSError and whatever trimesh raises."""
+    import trimesh
+
+    with path.open("rb") as stream:
+        scene = trimesh.load_scene(stream, file_type=kind, resolver=_folder_resolver(path), process=False)
+    parts = []
+    for transform, geometry in _placed_geometries(scene):
+        if isinstance(geometry, trimesh.Trimesh):
+            parts.append(_moved(_mesh_part(geometry), transform))
+        elif isinstance(geometry, trimesh.PointCloud):
+            parts.append(_moved(_points_part(geometry), transform))
+    if not parts:
+        raise UnreadableFile("nothing to draw: it holds neither faces nor points")
+    return parts
+
+
+def _folder_resolver(path: Path) -> Any:
+    """Return what trimesh asks for the files that a model refers to: those of the model's own folder."""
+    from trimesh.resolvers import Resolver
+
+    class FolderResolver(Resolver):  # type: ignore[misc]
+        def __init__(self, folder: Path) -> None:
+            self.folder = folder
+
+        def get(self, name: str) -> bytes:
+            return inside_folder(self.folder, name).read_bytes()
+
+        def keys(self) -> Iterator[str]:
+            return iter(())
+
+        def write(self, name: str, data: Any) -> None:
+            raise PermissionError(name)
+
+        def namespaced(self, namespace: str) -> FolderResolver:
+            return FolderResolver(self.folder / namespace)
+
+    return FolderResolver(path.parent)
+
+
+def _placed_geometries(scene: Any) -> Iterator[tuple[np.ndarray, Any]]:
+    """Yield the transform (4, 4) and the geometry of every node that has one."""
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        yield np.asarray(transform, np.float64), scene.geometry[name]
+
+
+def _mesh_part(mesh: Any) -> Part:
+    part = Part(np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64).reshape(-1, 3))
+    # The property would make normals where the file has none.
+    if "vertex_normals" in mesh._cache.cache:
+        part.normals = np.array(mesh.vertex_normals, np.float64)
+    visual = mesh.visual
+    kind = visual.kind
+    if kind == "vertex":
+        part.colors = np.array(visual.vertex_colors, np.uint8)
+    elif kind == "face":
+        return _with_face_colors(part, np.asarray(visual.face_colors, np.uint8))
+    elif kind == "texture":
+        _take_material(part, visual)
+    return part
+
+
+def _with_face_colors(part: Part, colors: UInt8Array) -> Part:
+    from hierarchy.part import indices_in_range, split_corners
+
+    assert part.faces is not None
+    good = indices_in_range(part.faces, len(part.positions))
+    split = split_corners(part, part.faces[good])
+    split.bad_faces = int(len(good) - good.sum())
+    split.colors = np.repeat(colors[good], 3, axis=0)
+    return split
+
+
+def _take_material(part: Part, visual: Any) -> None:
+    """Take a material's image and coordinates, or its one colour where it has no image."""
+    coordinates = visual.uv
+    if coordinates is not None and np.shape(coordinates) == (len(part.positions), 2):
+        part.texture_coordinates = np.array(coordinates, np.float64)
+    material = visual.material
+    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    color = getattr(material, "baseColorFactor", None)
+    if color is None:
+        color = getattr(material, "diffuse", None)
+    factor = None if color is None else _color(color)
+    if image is not None and part.texture_coordinates is not None:
+        part.texture = texels(image)
+        if hasattr(material, "baseColorFactor") and factor is not None:
+            part.texture = np.rint(part.texture * (factor / 255.0)).astype(np.uint8)
+    elif factor is not None and tuple(factor) != DEFAULT_GREY:
+        part.colors = np.tile(factor, (len(part.positions), 1))
+
+
+def _color(values: Any) -> UInt8Array:
+    """Return uint8 (4,) from what a material calls a colour: three or four numbers to 1 or to 255."""
+    values = np.asarray(values)
+    if np.issubdtype(values.dtype, np.floating):
+        values = np.rint(np.clip(values, 0.0, 1.0) * 255.0)
+    color = np.full(4, 255, np.uint8)
+    color[: len(values)] = np.clip(values, 0, 255)[:4]
+    return color
+
+
+def _points_part(cloud: Any) -> Part:
+    part = Part(np.array(cloud.vertices, np.float64).reshape(-1, 3))
+    colors = getattr(cloud, "colors", None)
+    if colors is not None and np.shape(colors) == (len(part.positions), 4):
+        part.colors = np.array(colors, np.uint8)
+    return part
+
+
+def _moved(part: Part, transform: np.ndarray) -> Part:
+    """Apply a transform (4, 4) to positions and normals; one that mirrors turns the faces round."""
+    if np.array_equal(transform, np.eye(4)):
+        return part
+    linear = transform[:3, :3]
+    part.positions = part.positions @ linear.T + transform[:3, 3]
+    mirrored = bool(np.linalg.det(linear) < 0.0)
+    if part.normals is not None:
+        # The cofactor matrix is the inverse transpose times the determinant, and exists for flat transforms too.
+        cofactors = np.stack([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
+        part.normals = part.normals @ (-cofactors if mirrored else cofactors).T
+    if mirrored and part.faces is not None:
+        part.faces = part.faces[:, ::-1].copy()
+    return part
