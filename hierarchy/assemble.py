@@ -10,7 +10,7 @@ from hierarchy.clean import clean_faces, counted, distinct_corners, has_area, pl
 from hierarchy.half_edges import is_closed
 from hierarchy.mesh_normals import Surface, check_normals, make_normals
 from hierarchy.model import Float64Array, Int32Array, Mesh, Progress, UInt8Array, ignore_progress
-from hierarchy.part import Int64Array, Part, UnreadableFile
+from hierarchy.part import AnyArray, Int64Array, Part, UnreadableFile
 from hierarchy.texture import paint
 from hierarchy.unique_rows import unique_positions
 
@@ -111,7 +111,7 @@ def assemble_mesh(name: str, parts: list[Part], warnings: list[str], progress: P
     if closed and surface.signed_volume() < 0.0:
         warnings.append("turned all faces round: the closed surface was inside out")
         surface.turn()
-    attributes = [] if part.colors is None else [part.colors[kept]]
+    attributes: list[AnyArray] = [] if part.colors is None else [part.colors[kept]]
     if skin is not None:
         attributes += [skin.texture_of_vertex[kept], skin.texels[kept]]
     if part.normals is not None:

@@ -28,7 +28,7 @@ def counted(verb: str, count: int, noun: str, rest: str = "") -> str:
 
 def usable_positions(positions: Float64Array) -> BoolArray:
     """Return for each of `positions` (N, 3) whether its coordinates are finite and fit into float32."""
-    usable: BoolArray = (np.abs(positions) <= LARGEST_COORDINATE).all(axis=1)
+    usable: BoolArray = np.all(np.abs(positions) <= LARGEST_COORDINATE, axis=1)
     return usable
 
 
@@ -51,7 +51,7 @@ def clean_faces(
     all_finite = bool(finite.all())
     not_finite = 0
     if not all_finite:
-        whole = finite[faces].all(axis=1)
+        whole: BoolArray = np.all(finite[faces], axis=1)
         not_finite = int(len(whole) - whole.sum())
         faces = faces[whole]
     if bad_faces:
@@ -105,7 +105,7 @@ def distinct_corners(faces: Int32Array) -> BoolArray:
     return distinct
 
 
-@njit(cache=True, nogil=True, parallel=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, parallel=True)
 def has_area(positions: Float32Array, faces: Int32Array) -> npt.NDArray[np.bool_]:
     """Return for each of `faces` (T, 3) whether it is a triangle: distinct corners that are not on one line."""
     good = np.empty(len(faces), np.bool_)

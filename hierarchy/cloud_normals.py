@@ -1,9 +1,10 @@
 """Normals of a point cloud that has none: planes through the neighbours, then one side for all.
 
-Based on: Hoppe, DeRose, Duchamp, McDonald and Stuetzle, Surface Reconstruction from Unorganized Points, 1992: sections
-3.2 (tangent planes) and 3.3 (a minimum spanning tree over the neighbours with edges of cost 1 - |n n'| carries one side
-through the cloud). Departures: the neighbour graph is not enriched to be connected, every component has a seed of its own;
-and the tree is never built, sets that know the relative side of their members (union-find with parity) do instead.
+Based on: Hoppe, DeRose, Duchamp, McDonald and Stuetzle, Surface Reconstruction from Unorganized Points, 1992: tangent
+planes through the neighbours, and a minimum spanning tree over the neighbours, with edges of cost 1 - |n n'|, that
+carries one side through the cloud. Departures: the neighbour graph is not enriched to be connected, every component
+finds its own outer side; and the tree is never built, sets that know the relative side of their members (union-find
+with parity) do instead.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def orient_normals(positions: Float32Array, normals: Float32Array, neighbours: I
     return np.where(inside_out[component][:, None], -oriented, oriented).astype(np.float32)
 
 
-@njit(cache=True, nogil=True, parallel=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, parallel=True)
 def _fit_planes(positions: Float32Array, neighbours: Int32Array) -> Float32Array:
     normals = np.empty_like(positions)
     count = neighbours.shape[1]
@@ -81,7 +82,7 @@ def _fit_planes(positions: Float32Array, neighbours: Int32Array) -> Float32Array
     return normals
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _find(parent: Int32Array, odd: npt.NDArray[np.bool_], i: int) -> tuple[int, bool]:
     """Return the root of i's set and whether i is on the other side than the root; shortens the path."""
     root, side = i, False
@@ -97,7 +98,7 @@ def _find(parent: Int32Array, odd: npt.NDArray[np.bool_], i: int) -> tuple[int, 
     return root, found
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _join_by_cost(normals: Float32Array, neighbours: Int32Array) -> tuple[Int32Array, npt.NDArray[np.bool_]]:
     """Join neighbours, cheapest edges first (Kruskal); return each point's root and whether it has to be turned."""
     n, k = neighbours.shape
@@ -139,7 +140,7 @@ def _join_by_cost(normals: Float32Array, neighbours: Int32Array) -> tuple[Int32A
     return roots, turned
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _inside_out(
     positions: Float32Array, normals: Float32Array, component: Int32Array, components: int, directions: np.ndarray
 ) -> npt.NDArray[np.bool_]:

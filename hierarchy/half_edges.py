@@ -37,7 +37,7 @@ def is_closed(faces: Int32Array, vertices: int) -> bool:
     return bool((twin_half_edges(faces, edges, count) >= 0).all())
 
 
-@njit(cache=True, nogil=True, parallel=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, parallel=True)
 def _number_edges(faces: Int32Array, vertices: int) -> tuple[Int32Array, int]:
     # Sort half-edges into buckets by their lower vertex.
     starts = np.zeros(vertices + 1, np.int64)
@@ -91,7 +91,7 @@ def _number_edges(faces: Int32Array, vertices: int) -> tuple[Int32Array, int]:
     return edges.reshape(len(faces), 3), runs[vertices]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _twins(faces: Int32Array, edges: Int32Array, edge_count: int) -> Int32Array:
     # The first half-edge seen on each edge; -1: none yet, -2: the edge cannot have twins.
     first = np.full(edge_count, -1, np.int32)

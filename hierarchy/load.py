@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from hierarchy.model import Cancelled, Mesh, Model, ModelError, PointCloud, Progress, UInt8Array, ignore_progress
 from hierarchy.part import Part, UnreadableFile
 
@@ -70,6 +72,10 @@ def read_parts(path: Path, kind: str, progress: Progress = ignore_progress) -> l
         from hierarchy.ply import read_ply
 
         return read_ply(path)
+    if kind == "obj":
+        from hierarchy.obj import read_obj
+
+        return read_obj(path)
     if kind in LAS_KINDS:
         from hierarchy.las import read_las
 
@@ -115,6 +121,22 @@ def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, w
                 warnings.append(sentence)
 
 
+def apply_material_colors(parts: list[Part]) -> None:
+    """Give the parts that have nothing better the colours of their materials, if those say anything.
+
+    Greys are what exporters write when nobody chose a colour; where no part has more than that, none gets colours.
+    """
+
+    def has_more(part: Part) -> bool:
+        textured = part.texture is not None and part.texture_coordinates is not None
+        return textured or part.colors is not None or len(set((part.material_color or (0, 0, 0, 0))[:3])) > 1
+
+    if any(has_more(part) for part in parts):
+        for part in parts:
+            if part.colors is None and part.material_color is not None:
+                part.colors = np.tile(np.array(part.material_color, np.uint8), (len(part.positions), 1))
+
+
 def _assemble(name: str, path: Path, parts: list[Part], texture: str | Path | None, progress: Progress) -> Model:
     """Make one model of the parts: a mesh where any has faces, else a cloud."""
     warnings: list[str] = []
@@ -123,6 +145,7 @@ def _assemble(name: str, path: Path, parts: list[Part], texture: str | Path | No
         from hierarchy.assemble import assemble_mesh
 
         attach_textures(path, meshes, texture, warnings)
+        apply_material_colors(meshes)
         return assemble_mesh(name, meshes, warnings, progress)
     if texture is not None:
         warnings.append("the texture is not used: the model has no faces")

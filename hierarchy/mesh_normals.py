@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from hierarchy.clean import counted
 from hierarchy.creases import smooth_groups
 from hierarchy.model import BoolArray, Float32Array, Float64Array, Int32Array
+from hierarchy.part import AnyArray
 from hierarchy.unique_rows import unique_rows
 from hierarchy.vertex_normals import corner_group_normals, vertex_normals
-
-AnyArray = npt.NDArray[np.generic]
 
 # A file's normal shorter than this fraction of a unit is no direction. Exporters that write unit normals with three
 # decimals stay far above it.

@@ -1,7 +1,7 @@
 """The built-in model: a meteoroid, a lumpy sphere with craters and rough rock, the same on every machine.
 
-Holst and Schumann, Normal Mapping for Surfel-Based Rendering, 2007, show one in figure 8. The surface is a height over the unit sphere,
-p(d) = h(d) d, so that its normals come from the height itself and not from the triangles.
+Holst and Schumann, Normal Mapping for Surfel-Based Rendering, 2007, show one in figure 8. The surface is a height over
+the unit sphere, p(d) = h(d) d, so that its normals come from the height itself and not from the triangles.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _craters() -> Float64Array:
     return np.column_stack([centres, np.cos(np.minimum(1.9 * radii, math.pi)), radii, depths])
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _crater_height(t: float) -> float:
     """Return the height of a crater of depth 1 at `t` radii from its centre: a floor, a wall and a raised rim."""
     wall = min(max((t - 0.2) / 0.8, 0.0), 1.0)
@@ -83,7 +83,7 @@ def _crater_height(t: float) -> float:
     return bowl + 0.32 * math.exp(-rim * rim)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _height(x: float, y: float, z: float, craters: Float64Array, octaves: int) -> float:
     """Return the distance of the surface from the centre in the direction (x, y, z), which is unit."""
     a, b, c = HALF_AXES
@@ -114,10 +114,10 @@ def _height(x: float, y: float, z: float, craters: Float64Array, octaves: int) -
         height += amplitude * (0.55 * n + 0.45 * ridge)
         frequency *= 2.0
         amplitude *= ROUGH_GAIN
-    return height
+    return float(height)
 
 
-@njit(cache=True, nogil=True, parallel=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, parallel=True)
 def _raise_surface(directions: Float64Array, craters: Float64Array, octaves: int) -> tuple[Float64Array, Float64Array]:
     """Return positions and unit normals over unit directions, (V, 3) each.
 

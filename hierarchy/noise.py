@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 
-@njit(inline="never", cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(inline="never", cache=True, nogil=True)
 def _corner(i: int, j: int, k: int, seed: int, x: float, y: float, z: float) -> float:
     """Return the dot product of (x, y, z) with the gradient at a lattice point."""
     # 32-bit arithmetic in 64-bit integers: multiplied primes, then an avalanche.
@@ -24,7 +24,7 @@ def _corner(i: int, j: int, k: int, seed: int, x: float, y: float, z: float) -> 
     return (u if h & 1 == 0 else -u) + (v if h & 2 == 0 else -v)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def noise(x: float, y: float, z: float, seed: int) -> float:
     """Return smooth noise of unit frequency at (x, y, z), about -1 to 1, zero at whole numbers."""
     fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
@@ -43,4 +43,4 @@ def noise(x: float, y: float, z: float, seed: int) -> float:
     d += u * (_corner(i + 1, j + 1, k + 1, seed, x - 1.0, y - 1.0, z - 1.0) - d)
     a += v * (b - a)
     c += v * (d - c)
-    return a + w * (c - a)
+    return float(a + w * (c - a))

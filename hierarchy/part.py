@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hierarchy.model import Float64Array, UInt8Array
+from hierarchy.model import BoolArray, Float64Array, UInt8Array
 
 Int64Array = npt.NDArray[np.int64]
+AnyArray = npt.NDArray[Any]
 
 
 class UnreadableFile(Exception):
@@ -27,6 +29,7 @@ class Part:
     texture_coordinates : float64 (V, 2), v up, or None
     texture : uint8 (H, W, 4) straight RGBA, row 0 at the top, or None
     texture_name : the texture's file as the model names it, not yet read, or None
+    material_color : RGBA 0 to 255 where neither `colors` nor a texture says otherwise, or None
     bad_faces : faces that the reader had to leave out because an index was out of range
     """
 
@@ -37,13 +40,15 @@ class Part:
     texture_coordinates: Float64Array | None = None
     texture: UInt8Array | None = None
     texture_name: str | None = None
+    material_color: tuple[int, int, int, int] | None = None
     bad_faces: int = 0
 
 
-def indices_in_range(faces: Int64Array, vertices: int) -> npt.NDArray[np.bool_]:
+def indices_in_range(faces: Int64Array, vertices: int) -> BoolArray:
     """Return for each of `faces` (T, 3) whether all its indices are in 0 .. vertices - 1."""
     # As unsigned numbers the negative ones are too big, so that one comparison does.
-    return (faces.view(np.uint64) < np.uint64(vertices)).all(axis=1)
+    in_range: BoolArray = np.all(faces.view(np.uint64) < np.uint64(vertices), axis=1)
+    return in_range
 
 
 def split_corners(part: Part, faces: Int64Array) -> Part:
@@ -59,7 +64,7 @@ def split_corners(part: Part, faces: Int64Array) -> Part:
     )
 
 
-def colors_from_channels(channels: list[npt.NDArray[np.generic]]) -> UInt8Array:
+def colors_from_channels(channels: list[AnyArray]) -> UInt8Array:
     """Return uint8 (V, 4) RGBA from three or four channels (V,); a missing alpha is opaque.
 
     Integer channels are 8-bit, or 16-bit where a value exceeds 255; floats run to 1, or to 255 where one exceeds 1.

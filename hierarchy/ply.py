@@ -11,8 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from hierarchy.model import Float64Array, UInt8Array
-from hierarchy.part import Int64Array, Part, UnreadableFile, colors_from_channels, indices_in_range, split_corners
-from hierarchy.ply_body import AnyArray, Table, read_body
+from hierarchy.part import (
+    AnyArray,
+    Int64Array,
+    Part,
+    UnreadableFile,
+    colors_from_channels,
+    indices_in_range,
+    split_corners,
+)
+from hierarchy.ply_body import Table, read_body
 from hierarchy.ply_header import parse_header
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
@@ -106,7 +114,8 @@ def strip_triangles(counts: Int64Array, items: AnyArray) -> Int64Array:
     a, b, c = strip[:-2], strip[1:-1], strip[2:]
     whole = (a != stop) & (b != stop) & (c != stop) & (a != b) & (b != c) & (c != a)
     odd = ((place - start)[:-2] & 1).astype(bool)
-    return np.stack([a, np.where(odd, c, b), np.where(odd, b, c)], axis=1)[whole]
+    triangles: Int64Array = np.stack([a, np.where(odd, c, b), np.where(odd, b, c)], axis=1)
+    return triangles[whole]
 
 
 def _with_face_attributes(part: Part, table: Table, rows: Int64Array, corners: Int64Array) -> Part:

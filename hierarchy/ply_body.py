@@ -12,10 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from hierarchy.part import Int64Array, UnreadableFile
+from hierarchy.part import AnyArray, Int64Array, UnreadableFile
 from hierarchy.ply_header import Element, Header, Property
-
-AnyArray = npt.NDArray[np.generic]
 
 
 @dataclass(eq=False)

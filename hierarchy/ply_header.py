@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -20,7 +21,7 @@ SCALAR_TYPES = {
     "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
 
-BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
+BYTE_ORDERS: dict[str, Literal["<", ">", "="]] = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
 
 # A header is some dozens of lines; a file without its end in the first mebibyte is no PLY.
 LONGEST_HEADER = 1 << 20
@@ -74,7 +75,7 @@ def parse_header(data: bytes) -> Header:
 
 def _parse_lines(lines: list[str], size: int) -> Header:
     """Parse the header's lines; `size` is its length in bytes."""
-    byte_order: str | None = None
+    byte_order: Literal["<", ">", "="] | None = None
     texture_name: str | None = None
     elements: list[tuple[str, int, list[Property]]] = []
     for line in lines[1:]:
@@ -105,7 +106,7 @@ def _parse_lines(lines: list[str], size: int) -> Header:
     return Header(byte_order == "=", tuple(Element(n, c, tuple(p)) for n, c, p in elements), texture_name, size)
 
 
-def _scalar_type(name: str, byte_order: str | None) -> np.dtype[np.generic]:
+def _scalar_type(name: str, byte_order: Literal["<", ">", "="] | None) -> np.dtype[np.generic]:
     if byte_order is None:
         raise ValueError("a property before the format")
     return np.dtype(SCALAR_TYPES[name]).newbyteorder(byte_order)

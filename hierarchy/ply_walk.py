@@ -9,7 +9,7 @@ from hierarchy.model import Float64Array, UInt8Array
 from hierarchy.part import Int64Array
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def walk_rows(
     raw: UInt8Array, offset: int, rows: int, sizes: Int64Array, count_sizes: Int64Array, big_endian: bool
 ) -> tuple[Int64Array, Int64Array, int]:
@@ -44,7 +44,7 @@ def walk_rows(
     return starts, counts, offset
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def gather_bytes(raw: UInt8Array, starts: Int64Array, counts: Int64Array, size: int) -> UInt8Array:
     """Copy `counts` items of `size` bytes from each of `starts`, one after another."""
     out = np.empty(counts.sum() * size, np.uint8)
@@ -56,7 +56,7 @@ def gather_bytes(raw: UInt8Array, starts: Int64Array, counts: Int64Array, size: 
     return out
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def walk_values(
     values: Float64Array, offset: int, rows: int, is_list: np.ndarray
 ) -> tuple[Int64Array, Int64Array, int]:

@@ -44,10 +44,10 @@ def cover_radii(
     near = 0.5 * distances[:, min(NEAR_NEIGHBOUR, distances.shape[1]) - 1].astype(np.float64)
     reach = _cell_reach(positions, normals, neighbours, largest)
     radii = MARGIN * np.minimum(np.maximum(reach, near), largest)
-    return np.maximum(radii, np.finfo(np.float32).tiny).astype(np.float32)
+    return np.asarray(np.maximum(radii, np.finfo(np.float32).tiny), np.float32)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _cut_cell(cell: Float64Array, corners: int, x: float, y: float, cut: Float64Array) -> int:
     """Keep the part of a convex cell that is nearer to the origin than to (x, y); return its number of corners.
 
@@ -76,7 +76,7 @@ def _cut_cell(cell: Float64Array, corners: int, x: float, y: float, cut: Float64
     return kept
 
 
-@njit(cache=True, nogil=True, parallel=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, parallel=True)
 def _cell_reach(
     positions: Float32Array, normals: Float32Array, neighbours: Int32Array, largest: Float64Array
 ) -> Float64Array:

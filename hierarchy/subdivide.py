@@ -6,12 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from hierarchy.half_edges import number_edges
 from hierarchy.model import BoolArray, Float64Array, Int32Array
-
-AnyArray = npt.NDArray[np.generic]
+from hierarchy.part import AnyArray
 
 EdgeExcess = Callable[[AnyArray, Sequence[AnyArray], Int32Array], AnyArray]
 """Called as excess(positions, attributes, ends (E, 2)); returns (E,), above 1 where an edge is to be halved."""
@@ -148,4 +146,4 @@ def _cut(
 
 def _squared(a: AnyArray, b: AnyArray) -> AnyArray:
     difference = a.astype(np.float64) - b.astype(np.float64)
-    return np.einsum("ij,ij->i", difference, difference)
+    return np.asarray(np.einsum("ij,ij->i", difference, difference))

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from hierarchy.model import Float32Array, Float64Array, Int32Array, UInt8Array
-from hierarchy.part import UnreadableFile
-from hierarchy.subdivide import AnyArray, subdivide_edges
+from hierarchy.part import AnyArray, Int64Array, UnreadableFile
+from hierarchy.subdivide import subdivide_edges
 from hierarchy.unique_rows import unique_positions
 
 # Texels that an edge may span. Linear interpolation between samples 2.5 texels apart still shows all but the finest
@@ -71,14 +71,17 @@ def sample_bilinear(texture: UInt8Array, coordinates: Float64Array) -> UInt8Arra
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     fx, fy = (x - left)[:, None], (y - top)[:, None]
 
-    def texel(row: AnyArray, column: AnyArray) -> AnyArray:
+    def texel(row: Int64Array, column: Int64Array) -> UInt8Array:
         if repeats:
-            return texture[row % height, column % width]
-        return texture[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+            row, column = row % height, column % width
+        else:
+            row, column = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+        found: UInt8Array = texture[row, column]
+        return found
 
     upper = (1.0 - fx) * texel(top, left) + fx * texel(top, left + 1)
     lower = (1.0 - fx) * texel(top + 1, left) + fx * texel(top + 1, left + 1)
-    return np.rint((1.0 - fy) * upper + fy * lower).astype(np.uint8)
+    return np.asarray(np.rint((1.0 - fy) * upper + fy * lower), np.uint8)
 
 
 def paint(
@@ -120,7 +123,7 @@ def paint(
     normals, texels, colors, texture_of_vertex = split.attributes
     # The middle of two opposite normals has none: keep it finite, along z.
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.where(lengths > 1e-6, normals / np.maximum(lengths, 1e-6), np.float32([0.0, 0.0, 1.0]))
+    normals = np.where(lengths > 1e-6, normals / np.maximum(lengths, 1e-6), np.array([0.0, 0.0, 1.0]))
     for number, texture in enumerate(textures):
         painted = texture_of_vertex == number
         colors[painted] = sample_bilinear(texture, texels[painted] / (texture.shape[1], texture.shape[0]))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from hierarchy.model import UInt8Array
-from hierarchy.part import Part, UnreadableFile
+from hierarchy.part import Part, UnreadableFile, indices_in_range, split_corners
 from hierarchy.references import inside_folder
 from hierarchy.texture import texels
 
@@ -45,7 +45,7 @@ def _folder_resolver(path: Path) -> Any:
     """Return what trimesh asks for the files that a model refers to: those of the model's own folder."""
     from trimesh.resolvers import Resolver
 
-    class FolderResolver(Resolver):  # type: ignore[misc]
+    class FolderResolver(Resolver):
         def __init__(self, folder: Path) -> None:
             self.folder = folder
 
@@ -88,8 +88,6 @@ def _mesh_part(mesh: Any) -> Part:
 
 
 def _with_face_colors(part: Part, colors: UInt8Array) -> Part:
-    from hierarchy.part import indices_in_range, split_corners
-
     assert part.faces is not None
     good = indices_in_range(part.faces, len(part.positions))
     split = split_corners(part, part.faces[good])
@@ -114,7 +112,8 @@ def _take_material(part: Part, visual: Any) -> None:
         if hasattr(material, "baseColorFactor") and factor is not None:
             part.texture = np.rint(part.texture * (factor / 255.0)).astype(np.uint8)
     elif factor is not None and tuple(factor) != DEFAULT_GREY:
-        part.colors = np.tile(factor, (len(part.positions), 1))
+        red, green, blue, alpha = (int(value) for value in factor)
+        part.material_color = red, green, blue, alpha
 
 
 def _color(values: Any) -> UInt8Array:

@@ -24,7 +24,7 @@ def unique_positions(positions: Float32Array) -> tuple[Int32Array, Int32Array]:
     return unique_rows((positions + np.float32(0.0)).view(np.uint32))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _unique_rows(rows: npt.NDArray[np.uint32]) -> tuple[Int32Array, Int32Array]:
     n, width = rows.shape
     # At most half full, so that linear probing stays short.

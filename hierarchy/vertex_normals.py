@@ -41,18 +41,19 @@ def corner_group_normals(
     points = np.ascontiguousarray(positions, np.float64)
     chunks = max(1, min(MOST_CHUNKS, get_num_threads(), len(faces) // 4096))
     sums = _summed_normals(points, faces, groups, group_count, chunks)
+    normals: Float32Array
     normals, failed = _unit_normals(sums)
     if failed.any():
         _take_any_face_normal(points, faces, groups, failed, normals)
     return normals
 
 
-@njit(inline="always")  # type: ignore[untyped-decorator]
+@njit(inline="always")
 def _cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> tuple[float, float, float]:
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(cache=True, nogil=True, parallel=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, parallel=True)
 def _summed_normals(
     points: Float64Array, faces: Int32Array, groups: Int32Array, group_count: int, chunks: int
 ) -> Float64Array:
@@ -81,7 +82,7 @@ def _summed_normals(
     return sums
 
 
-@njit(cache=True, nogil=True, parallel=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, parallel=True)
 def _unit_normals(sums: Float64Array) -> tuple[Float32Array, npt.NDArray[np.bool_]]:
     """Add up the chunks and normalise; say where there is no direction."""
     chunks, count, _ = sums.shape
@@ -101,7 +102,7 @@ def _unit_normals(sums: Float64Array) -> tuple[Float32Array, npt.NDArray[np.bool
     return normals, failed
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _take_any_face_normal(
     points: Float64Array, faces: Int32Array, groups: Int32Array, failed: npt.NDArray[np.bool_], normals: Float32Array
 ) -> None:
