@@ -11,6 +11,7 @@ from hierarchy.half_edges import is_closed
 from hierarchy.mesh_normals import Surface, check_normals, make_normals
 from hierarchy.model import Float64Array, Int32Array, Mesh, Progress, UInt8Array, ignore_progress
 from hierarchy.part import AnyArray, Int64Array, Part, UnreadableFile
+from hierarchy.sides import signed_volume
 from hierarchy.texture import paint
 from hierarchy.unique_rows import unique_positions
 
@@ -108,7 +109,7 @@ def assemble_mesh(name: str, parts: list[Part], warnings: list[str], progress: P
     progress("load", 0.6)
 
     surface = Surface(placed, faces, placed[first], point_of_vertex)
-    if closed and surface.signed_volume() < 0.0:
+    if closed and signed_volume(surface.positions, surface.faces) < 0.0:
         warnings.append("turned all faces round: the closed surface was inside out")
         surface.turn()
     attributes: list[AnyArray] = [] if part.colors is None else [part.colors[kept]]

@@ -11,6 +11,7 @@ from hierarchy.clean import counted
 from hierarchy.creases import smooth_groups
 from hierarchy.model import BoolArray, Float32Array, Float64Array, Int32Array
 from hierarchy.part import AnyArray
+from hierarchy.sides import most_area_disagrees
 from hierarchy.unique_rows import unique_rows
 from hierarchy.vertex_normals import corner_group_normals, vertex_normals
 
@@ -37,16 +38,6 @@ class Surface:
     def point_faces(self) -> Int32Array:
         """The faces in terms of points, int32 (T, 3)."""
         return self.point_of_vertex[self.faces]
-
-    def area_vectors(self) -> Float64Array:
-        """Return twice the area times the normal of every face, (T, 3), after scaling the model to unit size."""
-        corners = self.positions[self.faces].astype(np.float64) / max(float(np.abs(self.positions).max()), 1e-300)
-        return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-    def signed_volume(self) -> float:
-        """Return six times the volume of a closed surface at unit size; negative where it is inside out."""
-        first = self.positions[self.faces[:, 0]].astype(np.float64)
-        return float(np.einsum("ij,ij->", first / max(float(np.abs(first).max()), 1e-300), self.area_vectors()))
 
     def turn(self) -> None:
         """Let every face run the other way round."""
@@ -81,11 +72,7 @@ def check_normals(surface: Surface, normals: Float64Array, closed: bool, warning
     the surface is closed, because then the volume tells; else the faces, which are turned in `surface`.
     """
     unit, bad = unit_or_bad(normals)
-    good_faces = ~bad[surface.faces].any(axis=1)
-    areas = surface.area_vectors()
-    agreement = np.einsum("ij,ij->i", areas, unit[surface.faces].sum(axis=1, dtype=np.float64))
-    area = np.linalg.norm(areas, axis=1) * good_faces
-    if area[agreement < 0.0].sum() > area[agreement > 0.0].sum():
+    if most_area_disagrees(surface.positions, surface.faces, unit, bad):
         if closed:
             warnings.append("turned all normals round: they pointed into the closed surface")
             unit = -unit

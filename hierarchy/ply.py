@@ -112,10 +112,10 @@ def strip_triangles(counts: Int64Array, items: AnyArray) -> Int64Array:
     place = np.arange(len(strip))
     start = np.maximum.accumulate(np.where(strip == stop, place + 1, 0))
     a, b, c = strip[:-2], strip[1:-1], strip[2:]
-    whole = (a != stop) & (b != stop) & (c != stop) & (a != b) & (b != c) & (c != a)
     odd = ((place - start)[:-2] & 1).astype(bool)
-    triangles: Int64Array = np.stack([a, np.where(odd, c, b), np.where(odd, b, c)], axis=1)
-    return triangles[whole]
+    triangles = np.stack([a, np.where(odd, c, b), np.where(odd, b, c)], axis=1)
+    whole = (a != stop) & (b != stop) & (c != stop) & (a != b) & (b != c) & (c != a)
+    return np.compress(whole, triangles, axis=0)
 
 
 def _with_face_attributes(part: Part, table: Table, rows: Int64Array, corners: Int64Array) -> Part:
