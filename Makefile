@@ -14,7 +14,7 @@ STAMP := $(VENV)/.installed
 # What is looked for, and the Debian package that brings it: shared libraries, and programs that the tests of the
 # window run.
 LIBRARIES := libEGL.so.1:libegl1 libGL.so.1:libgl1
-PROGRAMS := Xvfb:xvfb xauth:xauth xdotool:xdotool
+PROGRAMS := Xvfb:xvfb xdotool:xdotool
 
 .PHONY: run test lint clean
 .DELETE_ON_ERROR:

@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from app.errors import OutputError, UsageError, WindowError
-from app.options import Options, parse_options
-from hierarchy.model import ModelError
+if TYPE_CHECKING:
+    from app.options import Options
 
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
@@ -19,6 +20,11 @@ EXIT_INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line (without the program's name) and return the exit status."""
+    signal.signal(signal.SIGINT, _end_at_once)
+    # All imports come after this, so that an interrupt is quiet from the first moment on.
+    from app.errors import OutputError, UsageError, WindowError
+    from app.options import parse_options
+    from hierarchy.model import ModelError
     from renderer.context import ContextError
 
     try:
@@ -35,8 +41,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Whoever read the output has gone. Spare the interpreter a second attempt at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_ERROR
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
     return 0
 
 
@@ -54,6 +58,11 @@ def _run(options: Options) -> None:
         from app.window_command import run_window
 
         run_window(options)
+
+
+def _end_at_once(_signal: int, _frame: object) -> None:
+    # Not KeyboardInterrupt: numba turns it into other errors where it strikes while a kernel is being loaded.
+    os._exit(EXIT_INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -125,6 +125,7 @@ _KEY_NAMES = {
 
 
 def _last_error() -> str:
-    code, description = glfw.get_error()
-    text = description.decode(errors="replace") if isinstance(description, bytes) else ""  # type: ignore[redundant-expr]
-    return " ".join(text.split()) if code else ""
+    # The stubs of GLFW's module say `str`; it is bytes.
+    error: Any = glfw.get_error()
+    code, description = error
+    return " ".join(description.decode(errors="replace").split()) if code else ""

@@ -20,6 +20,7 @@ from renderer.settings import MATERIALS, Settings
 WIDTH = 316.0
 LABEL_WIDTH = 100.0
 VALUE_WIDTH = 64.0
+SECOND_COLUMN = 200.0
 
 MAX_R_SIL, MAX_R_INNER = 32.0, 64.0
 
@@ -105,9 +106,10 @@ def _detail(state: ViewerState, scene: Scene | None, scale: float) -> None:
 def _shading(settings: Settings, scene: Scene | None, scale: float) -> Settings:
     settings = _toggle(settings, "Normal mapping", "normal_mapping", "N")
     settings = _toggle(settings, "Two-sided lighting", "two_sided")
+    imgui.same_line(SECOND_COLUMN * scale)
+    settings = _toggle(settings, "Ground", "ground")
     if scene is not None and scene.content.colored:
         settings = _toggle(settings, "The model's colours", "use_colors")
-    settings = _toggle(settings, "Ground", "ground")
     _label("Material", "Clay is lit by two lights, the others are spheres painted in advance", scale)
     changed, index = imgui.combo("##material", MATERIALS.index(settings.material), [m.capitalize() for m in MATERIALS])
     if changed:
@@ -148,9 +150,8 @@ def _statistics(state: ViewerState, scene: Scene | None, gpu_bytes: int, scale: 
 
 
 def _heading(text: str, bold: imgui.ImFont, scale: float) -> None:
-    imgui.dummy(ImVec2(0.0, 3.0 * scale))
-    imgui.separator()
     imgui.dummy(ImVec2(0.0, 1.0 * scale))
+    imgui.separator()
     imgui.push_font(bold, 0.0)
     imgui.text_colored(as_vec4(ACCENT_BRIGHT), text)
     imgui.pop_font()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import moderngl
@@ -73,6 +74,7 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
 
 def render_instead_of_window(options: Options, reason: str, output: Path) -> None:
     """Draw what the window would have shown to a file, and say so on standard output."""
+    options = replace(options, outputs=(output,))
     check_writable(output)
     reporter = Reporter(options.verbose)
     scene = open_scene(ModelSource(options.model, options.texture, options.points), options.texels, reporter.progress)

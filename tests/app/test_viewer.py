@@ -1,0 +1,153 @@
+"""The viewer without its window: models come and go in the background, and what is open survives what fails."""
+
+import time
+
+import numpy as np
+import pytest
+
+from app.commands import Command
+from app.options import CameraOptions, Options
+from app.viewer import Viewer
+
+SIZE = (320, 240)
+
+
+def wait(viewer: Viewer, until, seconds: float = 60.0) -> None:
+    """Poll as the window does."""
+    end = time.monotonic() + seconds
+    while not until():
+        assert time.monotonic() < end, "waited in vain"
+        viewer.poll(SIZE)
+        time.sleep(0.005)
+
+
+def settle(viewer: Viewer) -> None:
+    viewer.poll(SIZE)
+    wait(viewer, lambda: viewer.task is None)
+
+
+@pytest.fixture
+def viewer(torus):
+    viewer = Viewer(Options(model=torus, texels=4), lambda: None)
+    yield viewer
+    viewer.close()
+
+
+def test_model_is_shown_before_its_tiles_are_baked(viewer):
+    wait(viewer, lambda: viewer.scene is not None)
+    assert viewer.scene.tiles is None
+    assert viewer.camera is not None
+    settle(viewer)
+    assert viewer.scene.tiles.texels == 4
+    assert viewer.state.messages == []
+
+
+def test_change_of_w_s_bakes_anew_while_the_old_tiles_stay(viewer):
+    settle(viewer)
+    old = viewer.scene
+    viewer.state.texels = 8
+    viewer.poll(SIZE)
+    assert viewer.task is not None
+    assert viewer.scene.tiles is old.tiles
+    settle(viewer)
+    assert viewer.scene.tiles.texels == 8
+    assert viewer.scene.hierarchy is old.hierarchy
+
+
+def test_last_of_several_changes_of_w_s_counts(viewer):
+    settle(viewer)
+    for texels in (8, 2, 16):
+        viewer.state.texels = texels
+        viewer.poll(SIZE)
+    settle(viewer)
+    assert viewer.scene.tiles.texels == 16
+
+
+def test_cancelled_baking_keeps_the_old_tiles(viewer):
+    settle(viewer)
+    viewer.state.texels = 32
+    viewer.poll(SIZE)
+    assert viewer.cancel()
+    settle(viewer)
+    assert viewer.scene.tiles.texels == viewer.state.texels == 4
+
+
+def test_bad_file_leaves_the_open_model_there(viewer, tmp_path):
+    settle(viewer)
+    scene, camera = viewer.scene, viewer.camera
+    bad = tmp_path / "empty.ply"
+    bad.write_bytes(b"")
+    viewer.open_path(bad)
+    settle(viewer)
+    assert viewer.scene is scene
+    assert viewer.camera is camera
+    (message,) = viewer.state.messages
+    assert message.is_error
+    assert "empty.ply" in message.text
+
+
+def test_unforeseen_error_is_a_message(viewer, torus, monkeypatch):
+    settle(viewer)
+    scene = viewer.scene
+
+    def break_down(*args, **kwargs):
+        raise RuntimeError("surprise")
+
+    monkeypatch.setattr("hierarchy.load.load_model", break_down)
+    viewer.open_path(torus)
+    settle(viewer)
+    assert viewer.scene is scene
+    assert "surprise" in viewer.state.messages[0].text
+
+
+def test_cancelled_opening_leaves_the_open_model_there(viewer, far_torus):
+    settle(viewer)
+    scene = viewer.scene
+    viewer.open_path(far_torus)
+    assert viewer.cancel()
+    settle(viewer)
+    assert viewer.scene is scene
+    assert not viewer.cancel()
+
+
+def test_opening_during_baking_wins(viewer, far_torus):
+    settle(viewer)
+    viewer.state.texels = 32
+    viewer.poll(SIZE)
+    viewer.open_path(far_torus)
+    settle(viewer)
+    assert viewer.scene.hierarchy.name == "far_torus.ply"
+    assert viewer.scene.tiles.texels == 32
+
+
+def test_camera_of_the_command_line_holds_for_its_own_model_only(torus, far_torus):
+    options = Options(model=torus, texels=2, camera=CameraOptions(position=(0.0, -7.0, 1.0), view_up=(0.0, 0.0, 1.0)))
+    viewer = Viewer(options, lambda: None)
+    settle(viewer)
+    assert np.allclose(viewer.camera.position, (0.0, -7.0, 1.0))
+    viewer.open_path(far_torus)
+    settle(viewer)
+    assert np.allclose(viewer.camera.pivot, viewer.scene.hierarchy.origin + viewer.scene.hierarchy.bounds[0])
+    viewer.close()
+
+
+def test_axis_views_and_fit(viewer):
+    settle(viewer)
+    viewer.look_along_axis(Command.TOP)
+    assert np.allclose(viewer.camera.back, (0.0, 1.0, 0.0))
+    viewer.look_along_axis(Command.RIGHT)
+    assert np.allclose(viewer.camera.back, (1.0, 0.0, 0.0))
+    viewer.camera = viewer.camera.pan(500.0, 0.0, SIZE[1])
+    viewer.fit(SIZE)
+    assert np.allclose(viewer.camera.pivot, viewer.scene.hierarchy.origin + viewer.scene.hierarchy.bounds[0])
+
+
+def test_far_coordinates_reach_the_view(far_torus):
+    viewer = Viewer(Options(model=far_torus, texels=2), lambda: None)
+    settle(viewer)
+    view = viewer.view(SIZE)
+    centre, radius = viewer.scene.hierarchy.bounds
+    # The view is in model space, where the numbers are small again.
+    assert np.linalg.norm(view.eye - centre) == pytest.approx(viewer.camera.distance, rel=1e-6)
+    assert np.linalg.norm(view.eye) < 10.0 * radius
+    viewer.close()

@@ -1,0 +1,385 @@
+"""The real window on a virtual screen, driven with a real mouse and keyboard and looked at in screenshots."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageGrab, features
+
+SCREEN = (1400, 900)
+# The window opens at the upper left corner of a screen without a window manager.
+WINDOW = (1280, 800)
+PANEL_WIDTH = 316
+PICTURE = (slice(0, WINDOW[1]), slice(0, WINDOW[0] - PANEL_WIDTH))
+MIDDLE = ((WINDOW[0] - PANEL_WIDTH) // 2, WINDOW[1] // 2)
+PATIENCE = 60.0
+
+
+def _missing() -> str:
+    missing = [program for program in ("Xvfb", "xdotool") if shutil.which(program) is None]
+    if not features.check("xcb"):
+        missing.append("Pillow with XCB")
+    return ", ".join(missing)
+
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux") or bool(_missing()), reason=f"no virtual screen: {_missing() or 'not Linux'}"
+)
+
+
+@pytest.fixture(scope="module")
+def display():
+    reader, writer = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{SCREEN[0]}x{SCREEN[1]}x24", "-nolisten", "tcp"],
+        pass_fds=[writer],
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(writer)
+    with os.fdopen(reader) as number:
+        name = f":{number.readline().strip()}"
+    yield name
+    server.terminate()
+    server.wait(10.0)
+
+
+@dataclass
+class Frame:
+    """A frame as `--verbose` reports it."""
+
+    splats: int
+    triangles: int
+    silhouette: int
+
+    @property
+    def primitives(self) -> int:
+        return self.splats + self.triangles
+
+
+class Window:
+    """A running program, its virtual mouse and keyboard, and what it says on standard error."""
+
+    def __init__(self, display: str, folder: Path, *arguments: str) -> None:
+        self.display, self.folder = display, folder
+        self.environment = {**os.environ, "DISPLAY": display}
+        self.frames: list[Frame] = []
+        self.complaints: list[str] = []
+        command = [sys.executable, "-m", "app.cli", "--verbose", *arguments]
+        self.process = subprocess.Popen(
+            command,
+            cwd=folder,
+            env={**self.environment, "PYTHONPATH": str(Path(__file__).parents[2])},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            match = re.match(r"frame: (\d+) splats, (\d+) triangles, (\d+) silhouette", line)
+            if match:
+                self.frames.append(Frame(*map(int, match.groups())))
+            else:
+                self.complaints.append(line)
+
+    def wait_until_still(self, at_least: int = 0) -> None:
+        """Wait until `at_least` frames have been drawn, and none for a while."""
+        end = time.monotonic() + PATIENCE
+        count, since = -1, time.monotonic()
+        while len(self.frames) < at_least or time.monotonic() - since < 0.5:
+            assert self.process.poll() is None, f"the window has gone: {self.complaints}"
+            assert time.monotonic() < end, f"waited in vain for frame {at_least}: {self.complaints}"
+            if len(self.frames) != count:
+                count, since = len(self.frames), time.monotonic()
+            time.sleep(0.02)
+
+    def do(self, *arguments: object, draws: bool = True) -> Frame:
+        """Let xdotool do something, wait for what is drawn thereupon, and return the last frame."""
+        before = len(self.frames)
+        subprocess.run(["xdotool", *map(str, arguments)], env=self.environment, check=True)
+        self.wait_until_still(before + draws)
+        return self.frames[-1]
+
+    def drag(self, start: tuple[int, int], end: tuple[int, int], button: int = 1, draws: bool = True) -> Frame:
+        between = ((start[0] + end[0]) // 2, (start[1] + end[1]) // 2)
+        moves = [word for place in (between, end) for word in ("mousemove", *place, "sleep", 0.05)]
+        return self.do("mousemove", *start, "mousedown", button, "sleep", 0.05, *moves, "mouseup", button, draws=draws)
+
+    def look(self) -> np.ndarray:
+        """Return the window as it is on the screen, int (800, 1280, 3)."""
+        return np.asarray(ImageGrab.grab((0, 0, *WINDOW), xdisplay=self.display).convert("RGB")).astype(int)
+
+    def home(self) -> Frame:
+        """Put the camera where it was at first."""
+        before = len(self.frames)
+        self.do("mousemove", *MIDDLE, "key", "7", draws=False)
+        return self.do("key", "1", "sleep", 0.2, "key", "Home", draws=len(self.frames) > before)
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait(10.0)
+
+
+def covered(window: np.ndarray) -> np.ndarray:
+    """Tell where the model is, bool (800, 964): the background is the same along a row."""
+    picture = window[PICTURE]
+    return np.abs(picture - picture[:, :1]).max(axis=-1) > 12
+
+
+def centre(mask: np.ndarray) -> np.ndarray:
+    return np.argwhere(mask).mean(axis=0)[::-1]
+
+
+def changed(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the share of the picture's pixels that differ."""
+    return float((np.abs(one[PICTURE] - other[PICTURE]).max(axis=-1) > 12).mean())
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory, write_torus):
+    folder = tmp_path_factory.mktemp("window")
+    write_torus(folder / "torus.ply", rings=360, sides=120)
+    write_torus(folder / "coarse.ply", rings=24, sides=12)
+    (folder / "broken.ply").write_text("ply\nformat ascii 1.0\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def shared_window(display, models):
+    window = Window(display, models, "torus.ply")
+    # The picture without tiles, and with them.
+    window.wait_until_still(at_least=2)
+    yield window
+    window.close()
+
+
+@pytest.fixture
+def window(shared_window):
+    shared_window.home()
+    return shared_window
+
+
+def test_model_and_panel_are_there(window):
+    screen = window.look()
+    # A torus seen along its axis: the ring is drawn, its hole and the corners are not.
+    mask = covered(screen)
+    assert not mask[MIDDLE[1], MIDDLE[0]]
+    assert not mask[:40, :40].any()
+    assert 0.2 < mask.mean() < 0.6
+    assert np.allclose(centre(mask), MIDDLE, atol=8)
+    panel = screen[:, PICTURE[1].stop :]
+    # Bright letters on a dark ground.
+    assert np.median(panel) < 40
+    assert (panel.min(axis=-1) > 200).sum() > 500
+
+
+def test_still_picture_is_not_drawn_again(window):
+    def cpu_seconds() -> float:
+        fields = Path(f"/proc/{window.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    frames, cpu = len(window.frames), cpu_seconds()
+    time.sleep(1.5)
+    assert len(window.frames) == frames
+    assert cpu_seconds() - cpu < 0.15
+
+
+def test_moving_the_mouse_draws_only_the_panel(window):
+    frames = len(window.frames)
+    window.do("mousemove", 300, 300, "mousemove", 400, 350, "mousemove", 1100, 200, draws=False)
+    assert len(window.frames) == frames
+
+
+def test_left_button_orbits(window):
+    before = window.look()
+    window.drag(MIDDLE, (MIDDLE[0] + 150, MIDDLE[1] + 60))
+    after = window.look()
+    assert changed(before, after) > 0.05
+    # A quarter turn of a torus about the pivot leaves it in the middle.
+    assert np.allclose(centre(covered(after)), MIDDLE, atol=25)
+
+
+@pytest.mark.parametrize("with_shift", [True, False])
+def test_pan_moves_the_model_with_the_cursor(window, with_shift):
+    before = centre(covered(window.look()))
+    if with_shift:
+        window.do("keydown", "shift", draws=False)
+    window.drag(MIDDLE, (MIDDLE[0] + 60, MIDDLE[1] - 40), button=1 if with_shift else 2)
+    if with_shift:
+        window.do("keyup", "shift", draws=False)
+    assert np.allclose(centre(covered(window.look())) - before, (60, -40), atol=6)
+
+
+def test_wheel_zooms_towards_the_cursor(window):
+    before = covered(window.look())
+    rows, columns = np.nonzero(before)
+    left = (int(columns.min()), int(rows[columns.argmin()]))
+    window.do("mousemove", left[0] + 3, left[1], "click", 4, "sleep", 0.1, "click", 4)
+    after = covered(window.look())
+    assert after.sum() > 1.15 * before.sum()
+    # What was under the cursor, the leftmost point of the ring, is still there.
+    assert np.nonzero(after)[1].min() == pytest.approx(left[0], abs=4)
+    window.do("click", 5, "sleep", 0.1, "click", 5)
+    assert covered(window.look()).sum() == pytest.approx(before.sum(), rel=0.02)
+
+
+def test_double_click_brings_a_point_of_the_surface_into_the_middle(window):
+    mask = covered(window.look())
+    row = MIDDLE[1]
+    ring = int(np.nonzero(mask[row])[0][:60].mean())
+    window.do("mousemove", ring, row, "click", "--repeat", 2, "--delay", 60, 1)
+    after = covered(window.look())
+    assert after[MIDDLE[1], MIDDLE[0]]
+    assert centre(after)[0] > MIDDLE[0] + 100
+
+
+def test_axis_views(window):
+    front = covered(window.look())
+    window.do("key", "3")
+    side = covered(window.look())
+    # From the side a torus around z is a flat bar, and higher than wide.
+    rows, columns = np.nonzero(side)
+    assert np.ptp(rows) > 2.5 * np.ptp(columns)
+    window.do("key", "7")
+    rows, columns = np.nonzero(covered(window.look()))
+    assert np.ptp(columns) > 2.5 * np.ptp(rows)
+    window.do("key", "1")
+    assert (covered(window.look()) != front).mean() < 0.01
+
+
+def drag_slider(window: Window, row: int, share: float, draws: bool = True) -> Frame:
+    """Press the slider in a row of the panel at a share of its length."""
+    left, right = WINDOW[0] - PANEL_WIDTH + 100, WINDOW[0] - 90
+    return window.do(
+        "mousemove", round(left + share * (right - left)), row, "click", 1, "mousemove", 1100, 5, draws=draws
+    )
+
+
+R_SIL, R_INNER, W_S = 138, 164, 190
+NORMAL_MAPPING = (WINDOW[0] - PANEL_WIDTH + 26, 257)
+
+
+def test_sliders_change_the_cut(window):
+    start = window.frames[-1]
+    coarse = drag_slider(window, R_SIL, 0.9)
+    assert coarse.primitives < 0.8 * start.primitives
+    coarser = drag_slider(window, R_INNER, 0.9)
+    assert coarser.primitives < coarse.primitives
+    drag_slider(window, R_INNER, 0.25)
+    fine = drag_slider(window, R_SIL, 0.02)
+    assert fine.primitives > coarse.primitives
+    drag_slider(window, R_SIL, 2.0 / 32.0)
+
+
+def test_normal_mapping_by_mouse_and_key(window):
+    with_tiles, frame = window.look(), window.frames[-1]
+    unmapped = window.do("mousemove", *NORMAL_MAPPING, "click", 1)
+    without = window.look()
+    assert unmapped == frame
+    assert changed(with_tiles, without) > 0.002
+    window.do("mousemove", *MIDDLE, "key", "n")
+    assert changed(with_tiles, window.look()) == 0.0
+
+
+def test_overlays_change_the_picture_and_not_the_cut(window):
+    plain, frame = window.look(), window.frames[-1]
+    for key in ("e", "b", "l"):
+        assert window.do("key", key) == frame
+        assert changed(plain, window.look()) > 0.002, key
+        window.do("key", key)
+        assert changed(plain, window.look()) == 0.0, key
+
+
+def test_w_s_bakes_in_the_background(window):
+    before = window.look()
+    # From 16 to 2 texels and back; each ends with a frame of its own.
+    drag_slider(window, W_S, 0.0)
+    assert changed(before, window.look()) > 0.0
+    drag_slider(window, W_S, 0.75)
+    assert changed(before, window.look()) == 0.0
+
+
+def test_screenshot_is_what_the_window_shows(window, models):
+    shown = window.look()
+    window.do("key", "s", draws=False)
+    (path,) = models.glob("surfelscope-*.png")
+    assert re.fullmatch(r"surfelscope-\d{8}-\d{6}\.png", path.name)
+    with Image.open(path) as image:
+        saved = np.asarray(image.convert("RGB")).astype(int)
+    assert np.array_equal(saved, shown[PICTURE])
+    path.unlink()
+
+
+def test_help_comes_and_goes(window):
+    time.sleep(5.0)
+    before = window.look()
+    window.do("key", "h", draws=False)
+    shown = window.look()
+    assert changed(before, shown) > 0.05
+    window.do("key", "Escape", draws=False)
+    assert changed(before, window.look()) == 0.0
+
+
+def test_panel_can_be_hidden(window):
+    window.do("key", "Tab")
+    wide = window.look()
+    # The background goes to the right edge.
+    assert np.abs(wide[:, -1] - wide[:, 0]).max() <= 12
+    window.do("key", "Tab")
+
+
+def test_bad_file_is_a_message_and_good_one_opens(window):
+    before = window.look()
+    frames = len(window.frames)
+    window.do("key", "ctrl+o", "sleep", 0.3, "type", "broken.ply", draws=False)
+    window.do("key", "Return", "sleep", 0.5, draws=False)
+    after = window.look()
+    # Only the message in the corner is new; the model that was open is still there.
+    assert len(window.frames) == frames
+    difference = np.argwhere(np.abs(before - after)[PICTURE].max(axis=-1) > 12)
+    assert len(difference)
+    assert difference.max(axis=0)[0] < 150
+    window.do("key", "ctrl+o", "sleep", 0.3, "type", "coarse.ply", draws=False)
+    coarse = window.do("key", "Return")
+    assert coarse.primitives <= 24 * 12 * 2
+
+
+def test_window_can_be_resized_and_closed(display, models):
+    window = Window(display, models, "coarse.ply")
+    try:
+        window.wait_until_still(at_least=2)
+        name = subprocess.run(
+            ["xdotool", "search", "--name", "Surfelscope"], env=window.environment, check=True, capture_output=True
+        )
+        identity = name.stdout.split()[-1].decode()
+        window.do("windowsize", identity, 900, 600)
+        picture = np.asarray(ImageGrab.grab((0, 0, 900, 600), xdisplay=display).convert("RGB")).astype(int)
+        ring = np.abs(picture[:, : 900 - PANEL_WIDTH] - picture[:, :1]).max(axis=-1) > 12
+        assert np.allclose(centre(ring), ((900 - PANEL_WIDTH) / 2, 300), atol=8)
+        subprocess.run(["xdotool", "mousemove", "200", "200", "key", "ctrl+q"], env=window.environment, check=True)
+        assert window.process.wait(10.0) == 0
+        assert window.complaints == []
+    finally:
+        window.close()
+
+
+def test_interrupt_ends_the_window_quietly(display, models):
+    window = Window(display, models, "coarse.ply")
+    try:
+        window.wait_until_still(at_least=2)
+        window.process.send_signal(signal.SIGINT)
+        assert window.process.wait(10.0) == 130
+        time.sleep(0.1)
+        assert window.complaints == []
+    finally:
+        window.close()
