@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hierarchy.laz_chunks import check_chunks
 from hierarchy.model import Progress, ignore_progress
 from hierarchy.part import Part, UnreadableFile, colors_from_channels
 
@@ -31,6 +32,8 @@ def read_las(path: Path, progress: Progress = ignore_progress) -> list[Part]:
                 raise UnreadableFile(
                     f"truncated: its header promises {header.point_count} points, the file holds fewer"
                 )
+        else:
+            check_chunks(path, header)
         colored = {"red", "green", "blue"} <= set(header.point_format.dimension_names)
         found = 0
         for points in reader.chunk_iterator(BATCH):

@@ -76,6 +76,10 @@ def read_parts(path: Path, kind: str, progress: Progress = ignore_progress) -> l
         from hierarchy.obj import read_obj
 
         return read_obj(path)
+    if kind in ("stl", "stl_ascii"):
+        from hierarchy.stl import read_stl
+
+        return read_stl(path)
     if kind in LAS_KINDS:
         from hierarchy.las import read_las
 
@@ -165,6 +169,9 @@ def _reason(error: BaseException, kind: str) -> str:
             return "no permission to read it"
         case MemoryError():
             return "not enough memory to load it"
+        case ModuleNotFoundError() if isinstance(error.__context__, UnicodeError):
+            # trimesh wants a package that guesses encodings where it meets bytes that are no text.
+            return f"damaged or not a {kind.upper()} file (it holds bytes that are no text)"
         case ModuleNotFoundError():
             return f"reading {kind.upper()} files needs the Python package {error.name}"
         case OSError(strerror=str(text)):
