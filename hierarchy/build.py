@@ -6,8 +6,10 @@ import numpy as np
 
 from hierarchy.cones import EVERYTHING, normal_cones
 from hierarchy.discs import node_discs
+from hierarchy.footprints import disc_footprints
 from hierarchy.hierarchy import NODE, SPLAT, Hierarchy
-from hierarchy.leaves import LeafShapes, Surfels, sort_surfels, sort_triangles
+from hierarchy.colors import splat_colors
+from hierarchy.leaves import Leaves, Surfels, sort_surfels, sort_triangles
 from hierarchy.model import Float32Array, Mesh, Model, Progress, ignore_progress
 from hierarchy.octree import MIN_LEAVES, Octree, build_octree
 
@@ -38,46 +40,53 @@ def build_hierarchy(
         leaves, shapes, codes = sort_surfels(cloud)
     progress("Building the octree", 0.2)
     octree = build_octree(codes, min_leaves)
-    progress("Fitting normal cones", 0.3)
+    nodes = _nodes(octree)
+    progress("Fitting normal cones", 0.25)
     axes, cosines = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
-    progress("Fitting discs", 0.5)
+    _set_cone(nodes, "axis", "cone", axes, cosines)
+    progress("Fitting discs", 0.4)
     centres, normals, sizes = node_discs(shapes, octree.leaf_begin, octree.leaf_end, axes)
-    progress("Assembling", 0.9)
-    splats = _splats(centres, normals, sizes, leaves if isinstance(leaves, Surfels) else None)
+    for axis, name in enumerate("xyz"):
+        nodes[name] = centres[:, axis]
+    nodes["radius"], nodes["sphere"] = sizes[:, 0], sizes[:, 2]
+    progress("Measuring footprints", 0.6)
+    axes, cosines, nodes["relief"] = disc_footprints(nodes, normals, sizes[:, 1], shapes)
+    _set_cone(nodes, "print", "print", axes, cosines)
+    progress("Assembling", 0.95)
     return Hierarchy(
         name=model.name,
         origin=model.origin,
-        nodes=_nodes(octree, axes, cosines, centres, sizes),
-        splats=splats,
-        colors=None,
+        nodes=nodes,
+        splats=_splats(centres, normals, sizes, leaves),
+        colors=splat_colors(octree, shapes, leaves),
         leaves=leaves,
         closed=isinstance(model, Mesh) and model.closed,
         warnings=model.warnings,
     )
 
 
-def _nodes(
-    octree: Octree, axes: Float32Array, cosines: Float32Array, centres: Float32Array, sizes: Float32Array
-) -> np.ndarray:
-    nodes = np.empty(len(centres), NODE)
-    for axis, name in enumerate("xyz"):
-        nodes[name] = centres[:, axis]
-        nodes[f"axis_{name}"] = axes[:, axis]
-    nodes["cone_cos"] = cosines
-    nodes["cone_sin"] = np.where(cosines == EVERYTHING, 0.0, np.sqrt(np.maximum(1.0 - cosines.astype(np.float64) ** 2, 0.0)))
-    nodes["radius"], nodes["thickness"], nodes["sphere"] = sizes.T
+def _nodes(octree: Octree) -> np.ndarray:
+    nodes = np.zeros(len(octree.first_child), NODE)
     for name in ("first_child", "child_count", "leaf_begin", "leaf_end"):
         nodes[name] = getattr(octree, name)
     nodes["tile"] = np.arange(len(nodes))
     return nodes
 
 
-def _splats(centres: Float32Array, normals: Float32Array, sizes: Float32Array, leaves: Surfels | None) -> np.ndarray:
+def _set_cone(nodes: np.ndarray, axis: str, angle: str, axes: Float32Array, cosines: Float32Array) -> None:
+    for column, name in enumerate("xyz"):
+        nodes[f"{axis}_{name}"] = axes[:, column]
+    nodes[f"{angle}_cos"] = cosines
+    sines = np.sqrt(np.maximum(1.0 - cosines.astype(np.float64) ** 2, 0.0))
+    nodes[f"{angle}_sin"] = np.where(cosines == EVERYTHING, 0.0, sines)
+
+
+def _splats(centres: Float32Array, normals: Float32Array, sizes: Float32Array, leaves: Leaves) -> np.ndarray:
     inner = len(centres)
-    splats = np.zeros(inner + (0 if leaves is None else len(leaves)), SPLAT)
+    splats = np.zeros(inner + (len(leaves) if isinstance(leaves, Surfels) else 0), SPLAT)
     splats["centre"][:inner], splats["normal"][:inner] = centres, normals
     splats["radius"][:inner], splats["thickness"][:inner] = sizes[:, 0], sizes[:, 1]
-    if leaves is not None:
+    if isinstance(leaves, Surfels):
         splats["centre"][inner:], splats["normal"][inner:] = leaves.positions, leaves.normals
         splats["radius"][inner:] = leaves.radii
     return splats

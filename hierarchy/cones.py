@@ -56,6 +56,17 @@ def bounding_cap(vectors, cap):  # type: ignore[no-untyped-def]
         cap[3] = EVERYTHING
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def widened_cosine(cosine):  # type: ignore[no-untyped-def]
+    """Return the cosine to store as float32 beside a float32 axis.
+
+    The stored axis leans by up to 1e-7; the cone opens by as much, so that no normal falls out.
+    """
+    if cosine == EVERYTHING:
+        return cosine
+    return max(cosine - 4e-7 * math.sqrt(1.0 - cosine * cosine + 1e-13), 0.0)
+
+
 @nb.njit(cache=True, nogil=True, parallel=True)
 def _cones(normals, begin, end):  # type: ignore[no-untyped-def]
     count = len(begin)
@@ -72,8 +83,7 @@ def _cones(normals, begin, end):  # type: ignore[no-untyped-def]
         bounding_cap(vectors, cap)
         for axis in range(3):
             axes[node, axis] = cap[axis]
-        # The float32 axis may lean by 1e-7; the cone opens by as much, so that no normal falls out.
-        cosines[node] = cap[3] if cap[3] == EVERYTHING else max(cap[3] - 4e-7 * math.sqrt(1.0 - cap[3] ** 2 + 1e-13), 0.0)
+        cosines[node] = widened_cosine(cap[3])
     return axes, cosines
 
 

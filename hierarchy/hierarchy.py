@@ -10,21 +10,22 @@ import numpy.typing as npt
 from hierarchy.leaves import Leaves, Triangles
 from hierarchy.model import Float64Array, UInt8Array
 
-# What the selection reads of a node: one cache line.
+# What the selection reads of a node.
 NODE = np.dtype(
     [
         ("x", "f4"), ("y", "f4"), ("z", "f4"),  # disc centre, model space; also the centre of the sphere
         ("sphere", "f4"),  # radius of the bounding sphere of the disc and the whole subtree
         ("axis_x", "f4"), ("axis_y", "f4"), ("axis_z", "f4"),  # normal cone: unit axis ...
         ("cone_sin", "f4"), ("cone_cos", "f4"),  # ... and half-angle; cos -1: contains every direction
+        ("print_x", "f4"), ("print_y", "f4"), ("print_z", "f4"),  # cone of the disc's footprint (footprints.py): axis ...
+        ("print_sin", "f4"), ("print_cos", "f4"),  # ... and half-angle, as above
         ("radius", "f4"),  # disc radius
-        ("thickness", "f4"),  # largest distance of a base primitive from the disc's plane
+        ("relief", "f4"),  # largest distance of the footprint's surface from the disc's plane
         ("first_child", "i4"), ("child_count", "i4"),  # children are contiguous
         ("leaf_begin", "i4"), ("leaf_end", "i4"),  # all leaves of the subtree are contiguous
         ("tile", "i4"),  # index of the node's normal tile, -1: none
     ]
 )  # fmt: skip
-assert NODE.itemsize == 64
 
 # What the GPU reads of a splat, node or leaf surfel: two RGBA32F texels.
 SPLAT = np.dtype(
@@ -32,7 +33,7 @@ SPLAT = np.dtype(
         ("centre", "f4", 3),  # model space
         ("radius", "f4"),
         ("normal", "f4", 3),  # unit
-        ("thickness", "f4"),  # largest distance of a base primitive from the disc's plane
+        ("thickness", "f4"),  # largest distance of the primitives below from the disc's plane
     ]
 )
 assert SPLAT.itemsize == 32

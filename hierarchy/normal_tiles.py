@@ -160,7 +160,8 @@ def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # ty
     corner = np.empty((3, 3), np.float64)
     normal = np.empty((3, 3), np.float64)
     color = np.zeros((3, 4), np.float64)
-    stack = np.empty(8 * 64, np.int32)
+    # A binary tree over 63-bit codes and 31-bit counts is at most 94 levels deep.
+    stack = np.empty(128, np.int32)
     stack[0] = 0
     top = 1
     while top > 0:

@@ -4,6 +4,10 @@ A node covers the contiguous range [leaf_begin, leaf_end) of leaves and has the 
 [first_child, first_child + child_count). Cells with one child are collapsed. A cell with fewer than `MIN_LEAVES`
 leaves becomes no node of its own: its leaves hang directly on the parent, in the gaps that the children leave in
 the parent's range. So a node costs memory only where it stands for several primitives.
+
+An octree's cell is halved along x, then y, then z, and each half is a node. Radii then shrink by about 1.4 from level
+to level instead of 2, so that a cut stays closer under its limit: on Igea at r_inner 16 the inside takes 3,700 splats
+instead of 5,000.
 """
 
 from __future__ import annotations
@@ -16,7 +20,8 @@ import numpy.typing as npt
 
 from hierarchy.model import Int32Array
 
-# Fewer, wider nodes: on Igea 4 leaves at least make 59,000 nodes where plain collapsing makes 188,000.
+# Igea has 121,000 nodes with at least 4 leaves each and 243,000 with 2; below 4 the tiles' memory grows faster than the
+# cut shrinks.
 MIN_LEAVES = 4
 
 
@@ -31,23 +36,23 @@ class Octree:
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _common_level(first, last):  # type: ignore[no-untyped-def]
-    """Return the shift of the 3-bit group in which two sorted codes first differ, or -1 if they are equal."""
+def _first_difference(first, last):  # type: ignore[no-untyped-def]
+    """Return the bit in which two sorted codes first differ, or -1 if they are equal."""
     difference = first ^ last
     if difference == 0:
         return -1
-    shift = 60
-    while (difference >> np.uint64(shift)) == 0:
-        shift -= 3
-    return shift
+    bit = 62
+    while (difference >> np.uint64(bit)) == 0:
+        bit -= 1
+    return bit
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _upper_bound(codes, low, high, shift, digit):  # type: ignore[no-untyped-def]
-    """Return the first index in [low, high) whose 3-bit group at `shift` exceeds digit."""
+def _first_with_bit(codes, low, high, bit):  # type: ignore[no-untyped-def]
+    """Return the first index in [low, high) whose code has the bit set; codes agree in all higher bits."""
     while low < high:
         middle = (low + high) >> 1
-        if ((codes[middle] >> np.uint64(shift)) & np.uint64(7)) > digit:
+        if (codes[middle] >> np.uint64(bit)) & np.uint64(1):
             high = middle
         else:
             low = middle + 1
@@ -57,31 +62,32 @@ def _upper_bound(codes, low, high, shift, digit):  # type: ignore[no-untyped-def
 @nb.njit(cache=True, nogil=True)
 def _build(codes, min_leaves):  # type: ignore[no-untyped-def]
     count = len(codes)
-    # Every node but the root has min_leaves leaves of its own depth and at least one sibling or loose leaf.
-    capacity = 2 * (count // min_leaves) + 2
-    first_child = np.zeros(capacity, np.int32)
-    child_count = np.zeros(capacity, np.int32)
-    begin = np.zeros(capacity, np.int32)
-    end = np.zeros(capacity, np.int32)
-    end[0] = count
+    # A chain of nodes can shed fewer than min_leaves leaves at every step: at worst one.
+    capacity = count + 1
+    first_child = np.empty(capacity, np.int32)
+    child_count = np.empty(capacity, np.int32)
+    begin = np.empty(capacity, np.int32)
+    end = np.empty(capacity, np.int32)
+    begin[0], end[0] = 0, count
     nodes = 1
     node = 0
     while node < nodes:
         low, high = begin[node], end[node]
         first_child[node] = nodes
-        shift = _common_level(codes[low], codes[high - 1])
-        for digit in range(8):
-            if shift >= 0:
-                bound = _upper_bound(codes, low, end[node], shift, np.uint64(digit))
-            elif high - begin[node] > 2 * min_leaves:
-                # All in one cell: no geometry left to split by, so split by index, eight ways.
-                bound = begin[node] + ((high - begin[node]) * (digit + 1)) // 8
-            else:
-                break
-            if bound - low >= min_leaves and bound - low < high - begin[node]:
-                begin[nodes], end[nodes] = low, bound
-                nodes += 1
-            low = bound
+        bit = _first_difference(codes[low], codes[high - 1])
+        if bit >= 0:
+            middle = _first_with_bit(codes, low, high, bit)
+        elif high - low >= 2 * min_leaves:
+            # All in one cell: no geometry left to split by, so split by number.
+            middle = (low + high) >> 1
+        else:
+            middle = low
+        if middle - low >= min_leaves:
+            begin[nodes], end[nodes] = low, middle
+            nodes += 1
+        if high - middle >= min_leaves and middle > low:
+            begin[nodes], end[nodes] = middle, high
+            nodes += 1
         child_count[node] = nodes - first_child[node]
         node += 1
     return first_child[:nodes].copy(), child_count[:nodes].copy(), begin[:nodes].copy(), end[:nodes].copy()
