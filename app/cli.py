@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line (without the program's name) and return the exit status."""
     signal.signal(signal.SIGINT, _end_at_once)
     # All imports come after this, so that an interrupt is quiet from the first moment on.
-    from app.errors import OutputError, UsageError, WindowError
+    from app.errors import GraphicsError, OutputError, UsageError, WindowError
     from app.options import parse_options
     from hierarchy.model import ModelError
     from renderer.context import ContextError
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _run(parse_options(sys.argv[1:] if arguments is None else arguments))
         # Output that cannot be delivered shows here, not at the interpreter's end.
         sys.stdout.flush()
-    except (UsageError, ModelError, ContextError, OutputError, WindowError) as error:
+    except (UsageError, ModelError, ContextError, GraphicsError, OutputError, WindowError) as error:
         print(f"surfelscope: {error}", file=sys.stderr)
         return EXIT_ERROR
     except MemoryError:

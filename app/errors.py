@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class UsageError(Exception):
     """The command line cannot be understood, or asks for what cannot be."""
@@ -13,3 +16,20 @@ class OutputError(Exception):
 
 class WindowError(Exception):
     """No window can be opened here."""
+
+
+class GraphicsError(Exception):
+    """OpenGL refuses: too little memory, a picture or a model larger than it can hold."""
+
+
+@contextmanager
+def graphics_errors() -> Iterator[None]:
+    """Turn what the driver and the renderer refuse inside the block into a GraphicsError."""
+    import moderngl
+
+    from renderer.buffers import GpuError
+
+    try:
+        yield
+    except (moderngl.Error, GpuError) as error:
+        raise GraphicsError(f"OpenGL: {' '.join(str(error).split())}") from error

@@ -49,6 +49,8 @@ class GlfwWindow(ModernglGlfwWindow):
         except Exception as error:
             # moderngl-window goes on without a window and stumbles over that; GLFW knows why there is none.
             raise WindowError(f"no OpenGL 3.3 window: {_last_error() or error}") from error
+        # On a screen of high density the window has become larger than was asked for.
+        self._width, self._height = glfw.get_window_size(self._window)
         # Escape cancels and closes what is open in the window, not the window.
         self.exit_key = None
         # The stubs of GLFW's module say `str` for the paths; it is a list of them.

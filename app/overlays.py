@@ -57,12 +57,17 @@ def draw_help(bold: imgui.ImFont, area: Size) -> None:
     """Show what mouse and keys do, in the middle of the picture."""
     imgui.set_next_window_pos(ImVec2(0.5 * area[0], 0.5 * area[1]), imgui.Cond_.always, ImVec2(0.5, 0.5))
     imgui.begin("help", None, _FLOATING)
+    width = max(imgui.calc_text_size(name).x for name, _ in MOUSE) + 2.0 * imgui.get_style().item_spacing.x
     keys = tuple((binding.shown, binding.meaning) for binding in BINDINGS)
     for title, rows in (("Mouse", MOUSE), ("Keys", keys)):
+        if rows is keys:
+            imgui.spacing()
         imgui.push_font(bold, 0.0)
         imgui.text_colored(as_vec4(ACCENT_BRIGHT), title)
         imgui.pop_font()
         if imgui.begin_table(title, 2, imgui.TableFlags_.sizing_fixed_fit):
+            # Both tables have the column of the widest name.
+            imgui.table_setup_column("name", imgui.TableColumnFlags_.width_fixed, width)
             for keys_shown, meaning in rows:
                 imgui.table_next_column()
                 imgui.text(keys_shown)

@@ -7,9 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import moderngl
-
-from app.errors import UsageError
+from app.errors import UsageError, graphics_errors
 from app.export import check_writable, write_frame
 from app.framing import frame_scene, view_of_pose
 from app.options import Options
@@ -23,7 +21,7 @@ DEFAULT_RESOLUTION = (1024, 1024)
 def run_render(options: Options) -> None:
     """Draw the model and write the outputs.
 
-    Raises UsageError, ModelError, ContextError or OutputError, each with one line.
+    Raises UsageError, ModelError, ContextError, GraphicsError or OutputError, each with one line.
     """
     for path in options.outputs:
         check_writable(path)
@@ -38,7 +36,7 @@ def run_render(options: Options) -> None:
 
 def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, Statistic]:
     """Draw a scene in a context of its own, write the outputs and return the statistics."""
-    from renderer.context import ContextError, create_headless_context
+    from renderer.context import create_headless_context
     from renderer.renderer import Renderer
     from renderer.settings import Settings
 
@@ -51,24 +49,22 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
     reporter.progress("Drawing", 0.0)
     ctx = create_headless_context()
     try:
-        renderer = Renderer(ctx)
-        renderer.set_hierarchy(scene.hierarchy)
-        renderer.set_tiles(scene.tiles)
-        framebuffer = ctx.simple_framebuffer(resolution)
-        radii = (options.r_sil, options.r_inner)
-        cut, times = draw_frames(renderer, framebuffer, scene, view, radii, settings, options.frames)
-        statistics = scene_statistics(scene) | frame_statistics(cut, times, renderer, ctx)
-        if options.outputs:
-            frame = renderer.read_arrays()
-            for path in options.outputs:
-                write_frame(path, frame)
-                reporter.say(f"wrote {path}")
-        renderer.release()
-    except moderngl.Error as error:
-        # A driver's refusal: too little memory, a picture larger than it can hold.
-        raise ContextError(f"OpenGL: {' '.join(str(error).split())}") from error
+        with graphics_errors():
+            renderer = Renderer(ctx)
+            renderer.set_hierarchy(scene.hierarchy)
+            renderer.set_tiles(scene.tiles)
+            framebuffer = ctx.simple_framebuffer(resolution)
+            radii = (options.r_sil, options.r_inner)
+            cut, times = draw_frames(renderer, framebuffer, scene, view, radii, settings, options.frames)
+            statistics = scene_statistics(scene) | frame_statistics(cut, times, renderer, ctx)
+            frame = renderer.read_arrays() if options.outputs else None
+            renderer.release()
     finally:
         ctx.release()
+    for path in options.outputs:
+        assert frame is not None
+        write_frame(path, frame)
+        reporter.say(f"wrote {path}")
     return statistics
 
 

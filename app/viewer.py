@@ -7,6 +7,7 @@ from pathlib import Path
 
 from app.background import BackgroundTask
 from app.commands import Command
+from app.errors import GraphicsError
 from app.framing import frame_scene, view_of_pose
 from app.options import CameraOptions, Options
 from app.orbit_camera import OrbitCamera, orbit_from_pose
@@ -34,15 +35,17 @@ class Viewer:
 
     scene, camera : None until the first model has been built
     wake : called from the background, to have `poll` called soon
+    upload : called with every new scene before it becomes the one that is shown; may raise GraphicsError
     """
 
-    def __init__(self, options: Options, wake: Callable[[], None]) -> None:
+    def __init__(self, options: Options, wake: Callable[[], None], upload: Callable[[Scene], None]) -> None:
         settings = Settings(normal_mapping=options.normal_mapping)
         self.state = ViewerState(options.r_sil, options.r_inner, options.texels, settings)
         self.scene: Scene | None = None
         self.camera: OrbitCamera | None = None
         self.task: BackgroundTask[Scene] | None = None
         self._wake = wake
+        self._upload = upload
         self._points = options.points
         self._texture = options.texture
         # What the command line fixed of the camera holds for its own model, not for those opened later.
@@ -117,11 +120,13 @@ class Viewer:
     def _take(self, task: BackgroundTask[Scene], resolution: tuple[int, int]) -> None:
         try:
             scene = task.result()
+            self._upload(scene)
         except Cancelled:
             self.state.say("Cancelled")
             self._forget_wish()
-        except ModelError as error:
+        except (ModelError, GraphicsError) as error:
             self.state.say(str(error), is_error=True)
+            self._forget_wish()
         except MemoryError:
             self.state.say("There is not enough memory for this", is_error=True)
             self._forget_wish()

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from app.errors import GraphicsError, graphics_errors
 from app.scene import Scene
 from app.state import STAGES, FrameReport, ViewerState
 from app.viewer import Viewer
@@ -34,6 +35,21 @@ class Viewport:
         """Bytes that the renderer holds on the GPU."""
         return self._renderer.gpu_bytes
 
+    def upload(self, scene: Scene) -> None:
+        """Bring a scene to the GPU; raises GraphicsError where it does not fit, and keeps the last one then."""
+        last = self._uploaded
+        try:
+            with graphics_errors():
+                if last is None or last.hierarchy is not scene.hierarchy:
+                    self._renderer.set_hierarchy(scene.hierarchy)
+                self._renderer.set_tiles(scene.tiles)
+        except GraphicsError:
+            if last is not None:
+                self._renderer.set_hierarchy(last.hierarchy)
+                self._renderer.set_tiles(last.tiles)
+            raise
+        self._uploaded = scene
+
     def is_stale(self, viewer: Viewer) -> bool:
         """The picture is not the one that would be drawn now."""
         return viewer.scene is not None and self._drawn != self._wanted(viewer)
@@ -41,7 +57,6 @@ class Viewport:
     def draw(self, viewer: Viewer) -> FrameReport:
         """Draw the scene of the viewer, which has to have one, and tell what it took."""
         assert viewer.scene is not None
-        self._upload(viewer.scene)
         state, target = viewer.state, self._framebuffer()
         start = time.perf_counter()
         view = viewer.view(self.size)
@@ -97,17 +112,6 @@ class Viewport:
         """Everything that the picture depends on; equal means that the picture is the same."""
         state: ViewerState = viewer.state
         return (viewer.scene, viewer.camera, state.r_sil, state.r_inner, state.settings, self.size)
-
-    def _upload(self, scene: Scene) -> None:
-        last = self._uploaded
-        if last is scene:
-            return
-        if last is None or last.hierarchy is not scene.hierarchy:
-            self._renderer.set_hierarchy(scene.hierarchy)
-            self._renderer.set_tiles(scene.tiles)
-        elif last.tiles is not scene.tiles:
-            self._renderer.set_tiles(scene.tiles)
-        self._uploaded = scene
 
     def _framebuffer(self) -> moderngl.Framebuffer:
         if self._target is None or self._target.size != self.size:

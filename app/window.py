@@ -54,7 +54,7 @@ class ViewerWindow(WindowConfig):
         self._verbose = options.verbose
         self._gui = Gui(wnd)
         self._viewport = Viewport(ctx)
-        self._viewer = Viewer(options, wake)
+        self._viewer = Viewer(options, wake, self._viewport.upload)
         self._gestures = Gestures(self._viewport.depth_at)
         self._chooser = FileChooser()
         self._unsettled = SETTLING_FRAMES

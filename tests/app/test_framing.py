@@ -63,7 +63,7 @@ def test_what_is_given_is_kept(scene):
 
 
 def test_position_alone_looks_at_the_middle(far_scene):
-    position = far_scene.hierarchy.origin + (0.0, 5.0, 5.0)
+    position = np.add(far_scene.hierarchy.origin, (0.0, 5.0, 5.0))
     pose = frame_scene(far_scene, CameraOptions(position=tuple(position)), SIZE)
     assert np.allclose(pose.focal_point, (4.0e6, 5.5e6, 100.0), atol=0.1)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.commands import Command
+from app.errors import GraphicsError
 from app.options import CameraOptions, Options
 from app.viewer import Viewer
 
@@ -28,7 +29,7 @@ def settle(viewer: Viewer) -> None:
 
 @pytest.fixture
 def viewer(torus):
-    viewer = Viewer(Options(model=torus, texels=4), lambda: None)
+    viewer = Viewer(Options(model=torus, texels=4), lambda: None, lambda scene: None)
     yield viewer
     viewer.close()
 
@@ -122,7 +123,7 @@ def test_opening_during_baking_wins(viewer, far_torus):
 
 def test_camera_of_the_command_line_holds_for_its_own_model_only(torus, far_torus):
     options = Options(model=torus, texels=2, camera=CameraOptions(position=(0.0, -7.0, 1.0), view_up=(0.0, 0.0, 1.0)))
-    viewer = Viewer(options, lambda: None)
+    viewer = Viewer(options, lambda: None, lambda scene: None)
     settle(viewer)
     assert np.allclose(viewer.camera.position, (0.0, -7.0, 1.0))
     viewer.open_path(far_torus)
@@ -143,7 +144,7 @@ def test_axis_views_and_fit(viewer):
 
 
 def test_far_coordinates_reach_the_view(far_torus):
-    viewer = Viewer(Options(model=far_torus, texels=2), lambda: None)
+    viewer = Viewer(Options(model=far_torus, texels=2), lambda: None, lambda scene: None)
     settle(viewer)
     view = viewer.view(SIZE)
     centre, radius = viewer.scene.hierarchy.bounds
@@ -151,3 +152,17 @@ def test_far_coordinates_reach_the_view(far_torus):
     assert np.linalg.norm(view.eye - centre) == pytest.approx(viewer.camera.distance, rel=1e-6)
     assert np.linalg.norm(view.eye) < 10.0 * radius
     viewer.close()
+
+
+def test_model_that_does_not_fit_the_gpu_is_a_message(viewer, far_torus):
+    settle(viewer)
+    scene = viewer.scene
+
+    def refuse(scene):
+        raise GraphicsError("too large")
+
+    viewer._upload = refuse
+    viewer.open_path(far_torus)
+    settle(viewer)
+    assert viewer.scene is scene
+    assert [message.text for message in viewer.state.messages] == ["too large"]
