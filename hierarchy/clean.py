@@ -79,6 +79,8 @@ def clean_points(positions: Float64Array, warnings: list[str]) -> tuple[Float64A
     Returns the origin (3,), the kept positions relative to it, float32 (K, 3), and their old indices (K,).
     Raises UnreadableFile where no point is left.
     """
+    if len(positions) == 0:
+        raise UnreadableFile("nothing to draw: it holds neither faces nor points")
     kept = np.flatnonzero(usable_positions(positions))
     if len(kept) < len(positions):
         warnings.append(counted("dropped", len(positions) - len(kept), "point", "whose positions are not finite"))
@@ -95,7 +97,7 @@ def place(positions: Float64Array) -> tuple[Float64Array, Float32Array]:
     """Return the centre of the bounding box, float64 (3,), and the positions relative to it, float32 (N, 3)."""
     lowest, highest = positions.min(axis=0), positions.max(axis=0)
     origin = 0.5 * lowest + 0.5 * highest
-    return origin, (positions - origin).astype(np.float32)
+    return origin, np.ascontiguousarray(positions - origin, np.float32)
 
 
 def distinct_corners(faces: Int32Array) -> BoolArray:

@@ -32,12 +32,15 @@ def load_model(
     path = Path(path)
     name = path.name or str(path)
     kind = ""
+    warnings: list[str] = []
     try:
         progress("load", 0.0)
         kind = file_kind(path)
-        parts = read_parts(path, kind, progress)
+        # A file may hold any bits, and some are numbers that signal when they are converted.
+        with np.errstate(invalid="ignore", over="ignore"):
+            parts = read_parts(path, kind, warnings, progress)
         progress("load", 0.3)
-        return _assemble(name, path, parts, texture, progress)
+        return _assemble(path, parts, texture, warnings, progress)
     except (Cancelled, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
@@ -66,8 +69,11 @@ def file_kind(path: Path) -> str:
     return path.suffix[1:].lower()
 
 
-def read_parts(path: Path, kind: str, progress: Progress = ignore_progress) -> list[Part]:
-    """Read the parts of a file of a known kind. Raises UnreadableFile, OSError and what the libraries raise."""
+def read_parts(path: Path, kind: str, warnings: list[str], progress: Progress = ignore_progress) -> list[Part]:
+    """Read the parts of a file of a known kind, and warn of files that it refers to and that are missing.
+
+    Raises UnreadableFile, OSError and what the libraries raise.
+    """
     if kind == "ply":
         from hierarchy.ply import read_ply
 
@@ -75,7 +81,7 @@ def read_parts(path: Path, kind: str, progress: Progress = ignore_progress) -> l
     if kind == "obj":
         from hierarchy.obj import read_obj
 
-        return read_obj(path)
+        return read_obj(path, warnings)
     if kind in ("stl", "stl_ascii"):
         from hierarchy.stl import read_stl
 
@@ -92,7 +98,7 @@ def read_parts(path: Path, kind: str, progress: Progress = ignore_progress) -> l
 
     if not trimesh_reads(kind):
         raise UnreadableFile(f"unknown kind of file ({path.suffix or 'no suffix'})")
-    return read_with_trimesh(path, kind)
+    return read_with_trimesh(path, kind, warnings)
 
 
 def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, warnings: list[str]) -> None:
@@ -141,21 +147,22 @@ def apply_material_colors(parts: list[Part]) -> None:
                 part.colors = np.tile(np.array(part.material_color, np.uint8), (len(part.positions), 1))
 
 
-def _assemble(name: str, path: Path, parts: list[Part], texture: str | Path | None, progress: Progress) -> Model:
+def _assemble(
+    path: Path, parts: list[Part], texture: str | Path | None, warnings: list[str], progress: Progress
+) -> Model:
     """Make one model of the parts: a mesh where any has faces, else a cloud."""
-    warnings: list[str] = []
     meshes = [part for part in parts if part.faces is not None]
     if meshes:
         from hierarchy.assemble import assemble_mesh
 
         attach_textures(path, meshes, texture, warnings)
         apply_material_colors(meshes)
-        return assemble_mesh(name, meshes, warnings, progress)
+        return assemble_mesh(path.name, meshes, warnings, progress)
     if texture is not None:
         warnings.append("the texture is not used: the model has no faces")
     from hierarchy.assemble_cloud import assemble_cloud
 
-    return assemble_cloud(name, parts, warnings, progress)
+    return assemble_cloud(path.name, parts, warnings, progress)
 
 
 def _reason(error: BaseException, kind: str) -> str:

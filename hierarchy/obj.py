@@ -14,9 +14,10 @@ from hierarchy.ply import fan_triangles
 from hierarchy.unique_rows import unique_rows
 
 
-def read_obj(path: Path) -> list[Part]:
+def read_obj(path: Path, warnings: list[str]) -> list[Part]:
     """Read the faces of an OBJ file, one part per material, or its points where it has no faces.
 
+    warnings : gets a sentence for each material file that is missing
     Raises UnreadableFile where it has neither, OSError.
     """
     from hierarchy.obj_scan import count_lines, scan_lines
@@ -40,7 +41,7 @@ def read_obj(path: Path) -> list[Part]:
     triangles, starts = triangles[whole], starts[rows[whole]]
 
     parts = []
-    for material, chosen in _by_material(path, data, starts):
+    for material, chosen in _by_material(path, data, starts, warnings):
         part = _part(points, coordinates, normals, triangles[chosen])
         part.texture_name, part.material_color = material.texture_name, material.color
         parts.append(part)
@@ -51,7 +52,7 @@ def read_obj(path: Path) -> list[Part]:
     return parts
 
 
-def _by_material(path: Path, data: bytes, starts: Int64Array) -> list[tuple[Material, AnyArray]]:
+def _by_material(path: Path, data: bytes, starts: Int64Array, warnings: list[str]) -> list[tuple[Material, AnyArray]]:
     """Return each material in use and the triangles (indices) that have it, by the bytes where their lines start."""
     uses = [
         (m.start(), m[1].decode("utf-8", "replace").strip()) for m in re.finditer(rb"(?m)^\s*usemtl[ \t]+(.*)$", data)
@@ -60,7 +61,11 @@ def _by_material(path: Path, data: bytes, starts: Int64Array) -> list[tuple[Mate
         return [(Material(), np.arange(len(starts)))] if len(starts) else []
     materials: dict[str, Material] = {}
     for match in re.finditer(rb"(?m)^\s*mtllib[ \t]+(.*)$", data):
-        materials |= read_materials(path.parent, match[1].decode("utf-8", "replace").strip())
+        name = match[1].decode("utf-8", "replace").strip()
+        try:
+            materials |= read_materials(path.parent, name)
+        except OSError:
+            warnings.append(f"the material file {name} is not in the model's folder")
     names = [""] + [name for _, name in uses]
     section = np.searchsorted([start for start, _ in uses], starts, side="right")
     distinct = {materials.get(name, Material()) for name in names}

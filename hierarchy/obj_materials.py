@@ -24,11 +24,8 @@ class Material:
 
 
 def read_materials(folder: Path, name: str) -> dict[str, Material]:
-    """Read a material file by the name that an OBJ in `folder` gives it; a missing one has no materials."""
-    try:
-        text = inside_folder(folder, name).read_text("utf-8", "replace")
-    except OSError:
-        return {}
+    """Read a material file by the name that an OBJ in `folder` gives it. Raises OSError where it is missing."""
+    text = inside_folder(folder, name).read_text("utf-8", "replace")
     materials: dict[str, Material] = {}
     current: str | None = None
     for line in text.splitlines():

@@ -26,7 +26,9 @@ def read_stl(path: Path) -> list[Part]:
     looks_like_text = data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:512]
     if looks_like_text and len(data) != complete:
         corners = _read_ascii(data)
-    elif len(data) < max(complete, HEADER_SIZE):
+    elif len(data) < HEADER_SIZE:
+        raise UnreadableFile("truncated: it is shorter than the header of an STL file")
+    elif len(data) < complete:
         raise UnreadableFile(f"truncated: its header promises {count} triangles, the file holds fewer")
     else:
         corners = np.frombuffer(data, TRIANGLE, count, HEADER_SIZE)["corners"].reshape(-1, 3).astype(np.float64)

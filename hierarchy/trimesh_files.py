@@ -24,12 +24,16 @@ def trimesh_reads(kind: str) -> bool:
     return kind in trimesh.available_formats()
 
 
-def read_with_trimesh(path: Path, kind: str) -> list[Part]:
-    """Read every mesh and point cloud of a file. Raises UnreadableFile, OSError and whatever trimesh raises."""
+def read_with_trimesh(path: Path, kind: str, warnings: list[str]) -> list[Part]:
+    """Read every mesh and point cloud of a file.
+
+    warnings : gets a sentence for each file that the model refers to, does without, and is missing
+    Raises UnreadableFile, OSError and whatever trimesh raises.
+    """
     import trimesh
 
     with path.open("rb") as stream:
-        scene = trimesh.load_scene(stream, file_type=kind, resolver=_folder_resolver(path), process=False)
+        scene = trimesh.load_scene(stream, file_type=kind, resolver=_folder_resolver(path, warnings), process=False)
     parts = []
     for transform, geometry in _placed_geometries(scene):
         if isinstance(geometry, trimesh.Trimesh):
@@ -41,7 +45,7 @@ def read_with_trimesh(path: Path, kind: str) -> list[Part]:
     return parts
 
 
-def _folder_resolver(path: Path) -> Any:
+def _folder_resolver(path: Path, warnings: list[str]) -> Any:
     """Return what trimesh asks for the files that a model refers to: those of the model's own folder."""
     from trimesh.resolvers import Resolver
 
@@ -50,7 +54,12 @@ def _folder_resolver(path: Path) -> Any:
             self.folder = folder
 
         def get(self, name: str) -> bytes:
-            return inside_folder(self.folder, name).read_bytes()
+            try:
+                return inside_folder(self.folder, name).read_bytes()
+            except OSError:
+                # trimesh goes on without an image, but not without a buffer.
+                warnings.append(f"the file {name} is not in the model's folder")
+                raise UnreadableFile(f"the file {name}, which it refers to, is not in its folder") from None
 
         def keys(self) -> Iterator[str]:
             return iter(())
