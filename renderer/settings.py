@@ -21,7 +21,8 @@ class Settings:
     silhouette_overlay : tint what the selection holds for silhouette
     splat_outlines : darken the rim of every splat and the edges of leaf triangles
     lod_colors : colour splats by their radius on screen, leaf triangles in grey
-    ground : a soft contact disc and grid below the model
+    ground : a soft shadow on a floor below the model
+    ground_up : direction away from the floor, model space
     background_top, background_bottom : a vertical gradient
     base_color : colour of a model that has none
     """
@@ -34,6 +35,7 @@ class Settings:
     splat_outlines: bool = False
     lod_colors: bool = False
     ground: bool = False
+    ground_up: tuple[float, float, float] = (0.0, 1.0, 0.0)
     background_top: Rgb = (0.36, 0.40, 0.46)
     background_bottom: Rgb = (0.13, 0.14, 0.17)
     base_color: Rgb = (0.80, 0.77, 0.72)

@@ -1,0 +1,71 @@
+"""Matcaps: pictures of a sphere in a fixed lighting, looked up by the eye-space normal.
+
+Made here from a few soft lights each, so that no file has to be shipped or read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+# Texels along a side; a normal is looked up with bilinear filtering, and no material has detail below a degree.
+SIZE = 256
+
+
+@dataclass(frozen=True)
+class Light:
+    """direction : towards the light, eye space; color : linear RGB; sharpness : exponent of the highlight, 0: diffuse."""
+
+    direction: tuple[float, float, float]
+    color: tuple[float, float, float]
+    sharpness: float = 0.0
+
+
+MATCAPS: dict[str, tuple[Light, ...]] = {
+    "pearl": (
+        Light((0.0, 0.2, 1.0), (0.36, 0.35, 0.36)),
+        Light((-0.6, 0.7, 0.5), (0.42, 0.38, 0.34)),
+        Light((0.8, -0.2, 0.3), (0.08, 0.10, 0.16)),
+        Light((-0.45, 0.6, 0.66), (0.40, 0.40, 0.40), 30.0),
+        Light((0.7, 0.5, 0.4), (0.10, 0.12, 0.18), 8.0),
+    ),
+    "bronze": (
+        Light((0.1, 0.3, 1.0), (0.16, 0.085, 0.035)),
+        Light((-0.6, 0.7, 0.5), (0.20, 0.10, 0.035)),
+        Light((-0.4, 0.6, 0.7), (0.95, 0.62, 0.32), 26.0),
+        Light((0.6, 0.5, 0.6), (0.35, 0.18, 0.08), 9.0),
+        Light((0.5, -0.8, 0.3), (0.10, 0.06, 0.05), 4.0),
+    ),
+    "jade": (
+        Light((0.0, 0.2, 1.0), (0.10, 0.26, 0.17)),
+        Light((-0.5, 0.8, 0.4), (0.16, 0.34, 0.22)),
+        Light((0.7, -0.6, 0.2), (0.05, 0.14, 0.10)),
+        Light((-0.35, 0.6, 0.72), (0.60, 0.70, 0.62), 60.0),
+        Light((0.6, 0.3, 0.7), (0.10, 0.16, 0.13), 12.0),
+    ),
+}
+
+
+def make_matcap(name: str) -> npt.NDArray[np.float32]:
+    """Return a matcap's linear colours, float32 (SIZE, SIZE, 3); row 0 is at the bottom, the sphere fills the square.
+
+    Raises KeyError where there is no such material.
+    """
+    axis = (np.arange(SIZE) + 0.5) / SIZE * 2.0 - 1.0
+    x, y = np.meshgrid(axis, axis)
+    inside = np.maximum(1.0 - x * x - y * y, 0.0)
+    normal = np.stack([x, y, np.sqrt(inside)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    color = np.zeros((SIZE, SIZE, 3))
+    for light in MATCAPS[name]:
+        direction = np.asarray(light.direction) / np.linalg.norm(light.direction)
+        if light.sharpness == 0.0:
+            # Wrapped: half of the light reaches around the terminator, as from a wide source.
+            amount = np.maximum(0.65 * (normal @ direction) + 0.35, 0.0)
+        else:
+            half = direction + (0.0, 0.0, 1.0)
+            amount = np.maximum(normal @ (half / np.linalg.norm(half)), 0.0) ** light.sharpness
+        color += amount[..., None] * np.asarray(light.color)
+    return color.astype(np.float32)

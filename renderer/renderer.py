@@ -1,0 +1,199 @@
+"""The splatting renderer: a hierarchy's cut, drawn into any framebuffer, or read as arrays."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from hierarchy.hierarchy import Hierarchy
+from hierarchy.lod import Cut
+from hierarchy.normal_tiles import NormalTiles
+from hierarchy.view import View
+from renderer.buffers import SplatBuffers, TileTextures
+from renderer.frame import Frame
+from renderer.resolve_passes import ResolvePass, resolve_arrays, shade
+from renderer.settings import Settings
+from renderer.splat_passes import CutBuffers, SplatPass, Variant, draw_attributes, draw_visibility, pass_uniforms
+from renderer.targets import Targets
+from renderer.timers import StageTimers
+
+
+class Renderer:
+    """Draws cuts of one hierarchy at a time: visibility, attributes, resolve (Botsch et al. 2005)."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        """ctx : OpenGL 3.3 core or later; the renderer leaves it current and owns nothing else of it."""
+        self._ctx = ctx
+        self._timers = StageTimers(ctx)
+        self._cut_buffers = CutBuffers(ctx)
+        self._hierarchy: Hierarchy | None = None
+        self._buffers: SplatBuffers | None = None
+        self._tiles: TileTextures | None = None
+        self._targets: Targets | None = None
+        self._passes: dict[tuple[str, Variant], SplatPass] = {}
+        self._resolves: dict[tuple[str, tuple[str, ...]], ResolvePass] = {}
+        self._ground_heights: dict[tuple[float, float, float], float] = {}
+        self._last: tuple[Cut, View, Settings, moderngl.Framebuffer] | None = None
+
+    # What is drawn
+
+    def set_hierarchy(self, hierarchy: Hierarchy) -> None:
+        """Bring a hierarchy to the GPU in place of the last one, whose tiles go with it.
+
+        Raises GpuError where it does not fit; the last one is then still there.
+        """
+        buffers = SplatBuffers(self._ctx, hierarchy)
+        self.set_tiles(None)
+        self._release_passes()
+        if self._buffers is not None:
+            self._buffers.release()
+        self._hierarchy, self._buffers = hierarchy, buffers
+        self._ground_heights.clear()
+
+    def set_tiles(self, tiles: NormalTiles | None) -> None:
+        """Bring the normal tiles of the hierarchy to the GPU; None: there are none yet.
+
+        Raises GpuError where they do not fit; the last ones are then still there.
+        """
+        textures = None if tiles is None else TileTextures(self._ctx, tiles)
+        if self._tiles is not None:
+            self._tiles.release()
+        self._tiles = textures
+        self._last = None
+
+    # Drawing
+
+    def draw(self, cut: Cut, view: View, settings: Settings, framebuffer: moderngl.Framebuffer) -> None:
+        """Draw a cut of the hierarchy into a framebuffer of the view's size.
+
+        Raises RuntimeError where no hierarchy was set.
+        """
+        if self._hierarchy is None or self._buffers is None:
+            raise RuntimeError("set_hierarchy comes before draw")
+        tint = settings.silhouette_overlay or settings.splat_outlines or settings.lod_colors
+        variant = self._variant(settings, depth=False, tint=tint)
+        targets = self._targets_for(view, variant)
+        self._cut_buffers.upload(cut)
+        uniforms = pass_uniforms(cut, view, settings, self._buffers, self._tiles)
+        with self._timers.stage("visibility"):
+            draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
+        with self._timers.stage("attributes"):
+            draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
+        with self._timers.stage("resolve"):
+            resolve = self._resolve("shade", targets)
+            ground = self._ground(settings.ground_up)
+            shade(resolve, targets, framebuffer, view, settings, self._buffers.colors is not None, ground)
+        self._last = (cut, view, settings, framebuffer)
+
+    def read_arrays(self) -> Frame:
+        """Return the frame that was drawn last as arrays; its framebuffer must still hold the picture.
+
+        Raises RuntimeError where nothing was drawn since the hierarchy or its tiles were set.
+        """
+        if self._last is None or self._buffers is None:
+            raise RuntimeError("draw comes before read_arrays")
+        cut, view, settings, framebuffer = self._last
+        variant = self._variant(settings, depth=True, tint=False)
+        targets = Targets(self._ctx, (view.width, view.height), color=False, depth=True)
+        try:
+            self._cut_buffers.upload(cut)
+            uniforms = pass_uniforms(cut, view, settings, self._buffers, self._tiles)
+            draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
+            draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
+            eye_normal, depth = resolve_arrays(self._ctx, self._resolve("arrays", targets), targets)
+        finally:
+            framebuffer.use()
+            targets.release()
+        pixels = np.frombuffer(framebuffer.read(components=4), np.uint8).reshape(view.height, view.width, 4)
+        coverage = np.ascontiguousarray(eye_normal[..., 3])
+        # Row vectors: n R is R^T n, from eye to model axes.
+        normal = eye_normal[..., :3] @ view.eye_from_model[:3, :3].astype(np.float32)
+        return Frame(
+            normal=normal,
+            depth=np.where(coverage > 0.0, depth, np.float32(np.inf)),
+            coverage=coverage,
+            color=pixels[::-1].copy(),
+        )
+
+    def depth_at(self, column: int, row: int) -> float:
+        """Return the distance along the view axis of what was drawn last at a pixel, counted from the top left.
+
+        inf where nothing is drawn there. Off by the epsilon of the visibility pass, a fraction of a splat.
+        """
+        if self._last is None or self._targets is None:
+            return float("inf")
+        view = self._last[1]
+        depths = np.frombuffer(self._targets.visible_depth.read(), np.float32).reshape(view.height, view.width)
+        value = float(depths[view.height - 1 - row, column])
+        if value >= 1.0:
+            return float("inf")
+        ndc = 2.0 * value - 1.0
+        return 2.0 * view.far * view.near / (view.far + view.near - ndc * (view.far - view.near))
+
+    # What it costs
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """Milliseconds of "visibility", "attributes" and "resolve" of the last frame."""
+        return self._timers.milliseconds
+
+    @property
+    def gpu_bytes(self) -> int:
+        """Bytes of buffers and textures on the GPU."""
+        held = (self._buffers, self._tiles, self._targets, self._cut_buffers)
+        return sum(each.nbytes for each in held if each is not None)
+
+    def release(self) -> None:
+        """Give back everything on the GPU."""
+        self._release_passes()
+        for resolve in self._resolves.values():
+            resolve.release()
+        self._resolves.clear()
+        for each in (self._buffers, self._tiles, self._targets, self._cut_buffers):
+            if each is not None:
+                each.release()
+        self._hierarchy = self._buffers = self._tiles = self._targets = self._last = None
+
+    # What is kept from frame to frame
+
+    def _variant(self, settings: Settings, *, depth: bool, tint: bool) -> Variant:
+        assert self._buffers is not None
+        color = self._buffers.colors is not None and not depth
+        return Variant(settings.normal_mapping and self._tiles is not None, color, depth, tint)
+
+    def _targets_for(self, view: View, variant: Variant) -> Targets:
+        size, kind = (view.width, view.height), (variant.color, variant.depth, variant.tint)
+        if self._targets is None or self._targets.size != size or self._targets.kind != kind:
+            if self._targets is not None:
+                self._targets.release()
+            self._targets = Targets(self._ctx, size, color=kind[0], depth=kind[1], tint=kind[2])
+        return self._targets
+
+    def _pass(self, kind: str, variant: Variant, targets: Targets) -> SplatPass:
+        """Return the pass for a variant; the visibility pass is the same for all."""
+        assert self._buffers is not None
+        key = (kind, variant if kind == "attributes" else Variant(False, False, False, False))
+        if key not in self._passes:
+            defines = variant.defines(targets) | ({"VISIBILITY": 1} if kind == "visibility" else {})
+            self._passes[key] = SplatPass(self._ctx, kind, defines, self._buffers, self._cut_buffers)
+        return self._passes[key]
+
+    def _resolve(self, kind: str, targets: Targets) -> ResolvePass:
+        key = (kind, tuple(targets.sums))
+        if key not in self._resolves:
+            self._resolves[key] = ResolvePass(self._ctx, kind, targets.sums)
+        return self._resolves[key]
+
+    def _ground(self, up: tuple[float, float, float]) -> tuple[float, float]:
+        """Return the height of the model's lowest point along `up`, model space, and the model's radius."""
+        assert self._hierarchy is not None
+        if up not in self._ground_heights:
+            direction = np.asarray(up, np.float32) / np.linalg.norm(up)
+            self._ground_heights[up] = float((self._hierarchy.leaves.positions @ direction).min())
+        return self._ground_heights[up], self._hierarchy.bounds[1]
+
+    def _release_passes(self) -> None:
+        for each in self._passes.values():
+            each.release()
+        self._passes.clear()
+        self._last = None

@@ -1,0 +1,58 @@
+"""The textures that a frame is drawn into: one depth buffer, and sums that the attribute pass adds up."""
+
+from __future__ import annotations
+
+import moderngl
+
+
+class Targets:
+    """Depth and sums of one size.
+
+    size : width and height in pixels
+    color, depth, tint : which sums there are besides that of the normals; each is one colour attachment, in the order
+        normal, color, depth, tint
+    """
+
+    def __init__(
+        self, ctx: moderngl.Context, size: tuple[int, int], *, color: bool, depth: bool = False, tint: bool = False
+    ) -> None:
+        self.size, self.kind = size, (color, depth, tint)
+        self.visible_depth = ctx.depth_texture(size)
+        # Read with texelFetch, never compared.
+        self.visible_depth.compare_func = ""
+        self.sums: dict[str, moderngl.Texture] = {"normal": ctx.texture(size, 4, dtype="f2")}
+        if color:
+            self.sums["color"] = ctx.texture(size, 4, dtype="f2")
+        if depth:
+            # Distances need more than the 11 bits of a half float.
+            self.sums["depth"] = ctx.texture(size, 2, dtype="f4")
+        if tint:
+            self.sums["tint"] = ctx.texture(size, 4, dtype="f2")
+        for texture in self.sums.values():
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        # Depth only: a colour mask of False did not stop colour writes.
+        self.visibility = ctx.framebuffer([], self.visible_depth)
+        self.attributes = ctx.framebuffer(list(self.sums.values()), self.visible_depth)
+        # The same sums without the depth buffer, to clear them and keep it.
+        self._sums_only = ctx.framebuffer(list(self.sums.values()))
+
+    def location(self, name: str) -> int:
+        """Return the colour attachment of a sum."""
+        return list(self.sums).index(name)
+
+    def clear_sums(self) -> None:
+        """Set every sum to zero."""
+        self._sums_only.clear()
+
+    @property
+    def nbytes(self) -> int:
+        width, height = self.size
+        texel = {"f2": 2, "f4": 4}
+        return width * height * (4 + sum(t.components * texel[t.dtype] for t in self.sums.values()))
+
+    def release(self) -> None:
+        for framebuffer in (self.visibility, self.attributes, self._sums_only):
+            framebuffer.release()
+        self.visible_depth.release()
+        for texture in self.sums.values():
+            texture.release()
