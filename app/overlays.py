@@ -26,8 +26,8 @@ def draw_progress(stage: str, fraction: float, area: Size, scale: float) -> bool
     """Show how far the work is, in the lower middle of the picture; return whether it shall be cancelled."""
     imgui.set_next_window_pos(ImVec2(0.5 * area[0], area[1] - 28.0 * scale), imgui.Cond_.always, ImVec2(0.5, 1.0))
     imgui.begin("progress", None, _FLOATING)
-    imgui.text(f"{stage}...")
-    imgui.progress_bar(fraction, ImVec2(300.0 * scale, 8.0 * scale), "")
+    imgui.text(f"{stage[:1].upper()}{stage[1:]}...")
+    imgui.progress_bar(fraction, ImVec2(300.0 * scale, 0.0), "")
     imgui.same_line()
     cancel = imgui.button("Cancel")
     imgui.end()

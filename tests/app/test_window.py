@@ -22,6 +22,8 @@ PANEL_WIDTH = 316
 PICTURE = (slice(0, WINDOW[1]), slice(0, WINDOW[0] - PANEL_WIDTH))
 MIDDLE = ((WINDOW[0] - PANEL_WIDTH) // 2, WINDOW[1] // 2)
 PATIENCE = 60.0
+# A picture is complete when nothing has been drawn for so many seconds.
+QUIET = 0.3
 
 
 def _missing() -> str:
@@ -81,7 +83,8 @@ class Window:
             stderr=subprocess.PIPE,
             text=True,
         )
-        threading.Thread(target=self._listen, daemon=True).start()
+        self.listener = threading.Thread(target=self._listen, daemon=True)
+        self.listener.start()
 
     def _listen(self) -> None:
         assert self.process.stderr is not None
@@ -96,7 +99,7 @@ class Window:
         """Wait until `at_least` frames have been drawn, and none for a while."""
         end = time.monotonic() + PATIENCE
         count, since = -1, time.monotonic()
-        while len(self.frames) < at_least or time.monotonic() - since < 0.5:
+        while len(self.frames) < at_least or time.monotonic() - since < QUIET:
             assert self.process.poll() is None, f"the window has gone: {self.complaints}"
             assert time.monotonic() < end, f"waited in vain for frame {at_least}: {self.complaints}"
             if len(self.frames) != count:
@@ -115,6 +118,13 @@ class Window:
         moves = [word for place in (between, end) for word in ("mousemove", *place, "sleep", 0.05)]
         return self.do("mousemove", *start, "mousedown", button, "sleep", 0.05, *moves, "mouseup", button, draws=draws)
 
+    def identity(self) -> str:
+        """Return the X server's number of the window."""
+        search = ["xdotool", "search", "--name", "Surfelscope"]
+        return subprocess.run(search, env=self.environment, check=True, capture_output=True, text=True).stdout.split()[
+            -1
+        ]
+
     def look(self) -> np.ndarray:
         """Return the window as it is on the screen, int (800, 1280, 3)."""
         return np.asarray(ImageGrab.grab((0, 0, *WINDOW), xdisplay=self.display).convert("RGB")).astype(int)
@@ -128,6 +138,9 @@ class Window:
     def close(self) -> None:
         self.process.kill()
         self.process.wait(10.0)
+        self.listener.join(10.0)
+        assert self.process.stderr is not None
+        self.process.stderr.close()
 
 
 def covered(window: np.ndarray) -> np.ndarray:
@@ -198,6 +211,15 @@ def test_moving_the_mouse_draws_only_the_panel(window):
     frames = len(window.frames)
     window.do("mousemove", 300, 300, "mousemove", 400, 350, "mousemove", 1100, 200, draws=False)
     assert len(window.frames) == frames
+
+
+def test_help_comes_and_goes(window):
+    before = window.look()
+    window.do("key", "h", draws=False)
+    shown = window.look()
+    assert changed(before, shown) > 0.05
+    window.do("key", "Escape", draws=False)
+    assert changed(before, window.look()) == 0.0
 
 
 def test_left_button_orbits(window):
@@ -320,16 +342,6 @@ def test_screenshot_is_what_the_window_shows(window, models):
     path.unlink()
 
 
-def test_help_comes_and_goes(window):
-    time.sleep(5.0)
-    before = window.look()
-    window.do("key", "h", draws=False)
-    shown = window.look()
-    assert changed(before, shown) > 0.05
-    window.do("key", "Escape", draws=False)
-    assert changed(before, window.look()) == 0.0
-
-
 def test_panel_can_be_hidden(window):
     window.do("key", "Tab")
     wide = window.look()
@@ -354,15 +366,27 @@ def test_bad_file_is_a_message_and_good_one_opens(window):
     assert coarse.primitives <= 24 * 12 * 2
 
 
+def test_dropped_file_opens(window, models):
+    if window.frames[-1].primitives <= 24 * 12 * 2:
+        window.do("key", "ctrl+o", "sleep", 0.3, "type", "torus.ply", draws=False)
+        window.do("key", "Return")
+    before = len(window.frames)
+    drop = [
+        sys.executable,
+        str(Path(__file__).with_name("drop_file.py")),
+        window.identity(),
+        str(models / "coarse.ply"),
+    ]
+    subprocess.run(drop, env=window.environment, check=True)
+    window.wait_until_still(before + 1)
+    assert window.frames[-1].primitives <= 24 * 12 * 2
+
+
 def test_window_can_be_resized_and_closed(display, models):
     window = Window(display, models, "coarse.ply")
     try:
         window.wait_until_still(at_least=2)
-        name = subprocess.run(
-            ["xdotool", "search", "--name", "Surfelscope"], env=window.environment, check=True, capture_output=True
-        )
-        identity = name.stdout.split()[-1].decode()
-        window.do("windowsize", identity, 900, 600)
+        window.do("windowsize", window.identity(), 900, 600)
         picture = np.asarray(ImageGrab.grab((0, 0, 900, 600), xdisplay=display).convert("RGB")).astype(int)
         ring = np.abs(picture[:, : 900 - PANEL_WIDTH] - picture[:, :1]).max(axis=-1) > 12
         assert np.allclose(centre(ring), ((900 - PANEL_WIDTH) / 2, 300), atol=8)
