@@ -37,7 +37,7 @@ def read_with_trimesh(path: Path, kind: str, warnings: list[str]) -> list[Part]:
     parts = []
     for transform, geometry in _placed_geometries(scene):
         if isinstance(geometry, trimesh.Trimesh):
-            parts.append(_moved(_mesh_part(geometry), transform))
+            parts.append(_moved(mesh_part(geometry), transform))
         elif isinstance(geometry, trimesh.PointCloud):
             parts.append(_moved(_points_part(geometry), transform))
     if not parts:
@@ -80,7 +80,8 @@ def _placed_geometries(scene: Any) -> Iterator[tuple[np.ndarray, Any]]:
         yield np.asarray(transform, np.float64), scene.geometry[name]
 
 
-def _mesh_part(mesh: Any) -> Part:
+def mesh_part(mesh: Any) -> Part:
+    """Take what a `trimesh.Trimesh` holds: its triangles, the file's normals if any, and its colours or material."""
     part = Part(np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64).reshape(-1, 3))
     # The property would make normals where the file has none.
     if "vertex_normals" in mesh._cache.cache:
