@@ -20,11 +20,12 @@ MARGIN = 1.1
 # The neighbour whose distance stands for the local spacing: on a regular grid the sixth is the first diagonal one.
 SPACING_NEIGHBOUR = 6
 
-# No disc is larger than this many times the median spacing of its neighbours; corners farther out belong to a border
-# or a gap of the cloud, not to its surface. A lonely point so gets a disc like those of the points next to it.
+# Corners farther out than this many times the median spacing of the neighbours belong to a gap of the cloud, not to its
+# surface.
 LARGEST_IN_SPACINGS = 1.5
 
-# At a border, or on a line, a cell may have no corner; the disc then still reaches half way to this neighbour.
+# At a border, or on a line, a cell may have no corner; the disc then still reaches half way to this neighbour, or half
+# the spacing of the points next to it, so that a lonely point gets a disc like theirs.
 NEAR_NEIGHBOUR = 3
 
 
@@ -40,10 +41,11 @@ def cover_radii(
     if neighbours.shape[1] == 0:
         return np.ones(len(positions), np.float32)
     spacing = distances[:, min(SPACING_NEIGHBOUR, distances.shape[1]) - 1]
-    largest = LARGEST_IN_SPACINGS * np.median(spacing[neighbours], axis=1).astype(np.float64)
+    around = np.median(spacing[neighbours], axis=1).astype(np.float64)
+    largest = LARGEST_IN_SPACINGS * around
     near = 0.5 * distances[:, min(NEAR_NEIGHBOUR, distances.shape[1]) - 1].astype(np.float64)
     reach = _cell_reach(positions, normals, neighbours, largest)
-    radii = MARGIN * np.minimum(np.maximum(reach, near), largest)
+    radii = MARGIN * np.maximum(reach, np.minimum(near, 0.5 * around))
     return np.asarray(np.maximum(radii, np.finfo(np.float32).tiny), np.float32)
 
 
@@ -76,6 +78,18 @@ def _cut_cell(cell: Float64Array, corners: int, x: float, y: float, cut: Float64
     return kept
 
 
+@njit(cache=True, nogil=True)
+def _is_surrounded(x: float, y: float, points: Float64Array, count: int) -> bool:
+    """Tell whether (x, y) lies inside the convex hull of the origin and the first `count` points."""
+    # Seen from there, the directions to the points spread over more than half a turn around that to the origin.
+    lowest, highest = 0.0, 0.0
+    for j in range(count):
+        px, py = points[j, 0] - x, points[j, 1] - y
+        angle = math.atan2(py * -x - px * -y, px * -x + py * -y)
+        lowest, highest = min(lowest, angle), max(highest, angle)
+    return highest - lowest > math.pi
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def _cell_reach(
     positions: Float32Array, normals: Float32Array, neighbours: Int32Array, largest: Float64Array
@@ -98,6 +112,8 @@ def _cell_reach(
         for c in range(4):
             cell[c, 0], cell[c, 1], cell[c, 2] = -2.0 if c in (0, 3) else 2.0, -2.0 if c < 2 else 2.0, 1.0
         corners = 4
+        flat = np.empty((k, 2))
+        used = 0
         for j in range(k):
             other = neighbours[i, j]
             if normals[other, 0] * nx + normals[other, 1] * ny + normals[other, 2] * nz <= 0.0:
@@ -109,9 +125,14 @@ def _cell_reach(
             # A neighbour straight above or below says nothing about the spacing.
             if x * x + y * y > 0.01 * (dx * dx + dy * dy + dz * dz):
                 corners = _cut_cell(cell, corners, x, y, cut)
+                flat[used, 0], flat[used, 1] = x, y
+                used += 1
         for c in range(corners):
             distance = math.sqrt(cell[c, 0] * cell[c, 0] + cell[c, 1] * cell[c, 1])
             before = c - 1 if c > 0 else corners - 1
-            if cell[c, 2] == 0.0 and cell[before, 2] == 0.0 and distance <= 1.0:
-                reach[i] = max(reach[i], distance * largest[i])
+            is_framed = cell[c, 2] == 1.0 or cell[before, 2] == 1.0
+            # A corner outside all neighbours is outside the cloud's border.
+            if not is_framed and reach[i] < distance <= 1.0 and _is_surrounded(cell[c, 0], cell[c, 1], flat, used):
+                reach[i] = distance
+        reach[i] *= largest[i]
     return reach

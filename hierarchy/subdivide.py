@@ -17,6 +17,9 @@ EdgeExcess = Callable[[AnyArray, Sequence[AnyArray], Int32Array], AnyArray]
 # Every round halves edges; what is not short enough after so many never will be.
 MOST_ROUNDS = 40
 
+# An edge waits while another one of its face has more than twice its excess.
+WORST_EDGES = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Subdivision:
@@ -57,16 +60,16 @@ def subdivide_edges(
         ends = np.empty((edge_count, 2), np.int32)
         ends[edges.ravel()] = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
         wish = np.asarray(excess(positions, attributes, ends), np.float64)
-        places = None
+        places = np.arange(edge_count, dtype=np.int32)
         if points is not None:
-            places, wish = _agree_across_seams(points, faces, edges, ends, wish)
-        marked = _choose_edges(wish, edges, most_faces - len(faces))
+            places, wish = _agree_across_seams(points, faces, edges, wish)
+        marked = _choose_edges(wish, places[edges], most_faces - len(faces))[places]
         if not marked.any():
             break
         chosen = np.flatnonzero(marked)
         middle = np.full(edge_count, -1, np.int32)
         middle[chosen] = len(positions) + np.arange(len(chosen), dtype=np.int32)
-        if points is not None and places is not None:
+        if points is not None:
             _, new_points = np.unique(places[chosen], return_inverse=True)
             points = np.concatenate([points, (points.max() + 1 + new_points).astype(np.int32)])
         positions = _with_middles(positions, ends[chosen])
@@ -76,27 +79,33 @@ def subdivide_edges(
 
 
 def _agree_across_seams(
-    points: Int32Array, faces: Int32Array, edges: Int32Array, ends: Int32Array, wish: Float64Array
+    points: Int32Array, faces: Int32Array, edges: Int32Array, wish: Float64Array
 ) -> tuple[Int32Array, Float64Array]:
-    """Return for each edge the number of its place, and the largest wish of the edges at that place."""
+    """Return for each edge the number of its place, and for each place the largest wish of the edges there."""
     place_of_half_edge, count = number_edges(points[faces], int(points.max()) + 1)
-    places = np.empty(len(ends), np.int32)
+    places = np.empty(len(wish), np.int32)
     places[edges.ravel()] = place_of_half_edge.ravel()
     largest = np.zeros(count)
     np.maximum.at(largest, places, wish)
-    return places, largest[places]
+    return places, largest
 
 
 def _choose_edges(wish: Float64Array, edges: Int32Array, room: int) -> BoolArray:
-    """Mark the edges with a wish above 1; where that adds more than `room` faces, only the worst ones."""
-    marked: BoolArray = wish > 1.0
+    """Mark the edges that have a wish above 1, and of each face only those that are about as bad as its worst one.
+
+    So a needle is first cut across, until its pieces are about as long as wide. Where halving all of them would add
+    more than `room` faces only the worst ones are marked.
+    """
+    of_faces = wish[edges]
+    bad = (of_faces > 1.0) & (of_faces >= WORST_EDGES * of_faces.max(axis=1, keepdims=True))
+    marked = np.zeros(len(wish), np.bool_)
+    marked[edges[bad]] = True
     # Halving an edge cuts each of its faces once more.
-    wishes = wish[edges.ravel()]
-    wishes = wishes[wishes > 1.0]
+    wishes = of_faces[marked[edges]]
     if len(wishes) > room:
         if room <= 0:
             return np.zeros_like(marked)
-        marked = wish > np.partition(wishes, len(wishes) - room - 1)[len(wishes) - room - 1]
+        marked &= wish > np.partition(wishes, len(wishes) - room - 1)[len(wishes) - room - 1]
     return marked
 
 

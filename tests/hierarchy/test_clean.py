@@ -47,7 +47,7 @@ def test_nothing_left():
 
 def test_points_at_one_place_and_not_finite():
     warnings = []
-    points = np.concatenate([SQUARE, SQUARE[:2], [[np.nan, 0, 0]], SQUARE[:1] + [1e-12, 0, 0]])
+    points = np.concatenate([SQUARE, SQUARE[:2], [[np.nan, 0, 0]], SQUARE[:1] + np.array([1e-12, 0, 0])])
     origin, relative, kept = clean_points(points, warnings)
     np.testing.assert_allclose(relative + origin, SQUARE)
     assert kept.tolist() == [0, 1, 2, 3]

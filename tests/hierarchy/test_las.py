@@ -6,7 +6,7 @@ from hierarchy.las import read_las
 from hierarchy.model import Cancelled
 from hierarchy.part import UnreadableFile
 
-POINTS = np.random.default_rng(1).uniform(0, 10, (2000, 3)).round(3) + [4.0e6, 5.5e6, 100.0]
+POINTS = np.random.default_rng(1).uniform(0, 10, (2000, 3)).round(3) + np.array([4.0e6, 5.5e6, 100.0])
 
 
 def write_las(path, point_format=2, scale=1):

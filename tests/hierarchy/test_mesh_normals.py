@@ -14,7 +14,7 @@ def sphere(turned=False):
 
 def test_good_normals_are_kept_and_made_unit():
     surface, warnings = sphere(), []
-    leaning = surface.positions.astype(float) + [0.1, 0, 0]
+    leaning = surface.positions.astype(float) + np.array([0.1, 0, 0])
     normals = check_normals(surface, leaning * 7e20, True, warnings)
     np.testing.assert_allclose(normals, leaning / np.linalg.norm(leaning, axis=1, keepdims=True), atol=1e-6)
     assert warnings == []
