@@ -11,7 +11,7 @@ from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View
 from renderer.buffers import SplatBuffers, TileTextures
 from renderer.frame import Frame
-from renderer.resolve_passes import ResolvePass, resolve_arrays, shade
+from renderer.resolve_passes import MARKED, Resolve
 from renderer.settings import Settings
 from renderer.splat_passes import CutBuffers, SplatPass, Variant, draw_attributes, draw_visibility, pass_uniforms
 from renderer.targets import Targets
@@ -31,7 +31,7 @@ class Renderer:
         self._tiles: TileTextures | None = None
         self._targets: Targets | None = None
         self._passes: dict[tuple[str, Variant], SplatPass] = {}
-        self._resolves: dict[tuple[str, tuple[str, ...]], ResolvePass] = {}
+        self._resolve = Resolve(ctx)
         self._ground_heights: dict[tuple[float, float, float], float] = {}
         self._last: tuple[Cut, View, Settings, moderngl.Framebuffer] | None = None
 
@@ -80,9 +80,9 @@ class Renderer:
         with self._timers.stage("attributes"):
             draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
         with self._timers.stage("resolve"):
-            resolve = self._resolve("shade", targets)
             ground = self._ground(settings.ground_up)
-            shade(resolve, targets, framebuffer, view, settings, self._buffers.colors is not None, ground)
+            self._resolve.shade(targets, view, settings, has_colors=self._buffers.colors is not None, ground=ground)
+            self._ctx.copy_framebuffer(framebuffer, targets.picture)
         self._last = (cut, view, settings, framebuffer)
 
     def read_arrays(self) -> Frame:
@@ -100,7 +100,7 @@ class Renderer:
             uniforms = pass_uniforms(cut, view, settings, self._buffers, self._tiles)
             draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
             draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
-            eye_normal, depth = resolve_arrays(self._ctx, self._resolve("arrays", targets), targets)
+            eye_normal, depth = self._resolve.arrays(targets)
         finally:
             framebuffer.use()
             targets.release()
@@ -125,9 +125,9 @@ class Renderer:
         view = self._last[1]
         depths = np.frombuffer(self._targets.visible_depth.read(), np.float32).reshape(view.height, view.width)
         value = float(depths[view.height - 1 - row, column])
-        if value >= 1.0:
-            return float("inf")
         ndc = 2.0 * value - 1.0
+        if ndc >= MARKED - 1e-7:
+            return float("inf")
         return 2.0 * view.far * view.near / (view.far + view.near - ndc * (view.far - view.near))
 
     # What it costs
@@ -146,9 +146,7 @@ class Renderer:
     def release(self) -> None:
         """Give back everything on the GPU."""
         self._release_passes()
-        for resolve in self._resolves.values():
-            resolve.release()
-        self._resolves.clear()
+        self._resolve.release()
         for each in (self._buffers, self._tiles, self._targets, self._cut_buffers):
             if each is not None:
                 each.release()
@@ -177,12 +175,6 @@ class Renderer:
             defines = variant.defines(targets) | ({"VISIBILITY": 1} if kind == "visibility" else {})
             self._passes[key] = SplatPass(self._ctx, kind, defines, self._buffers, self._cut_buffers)
         return self._passes[key]
-
-    def _resolve(self, kind: str, targets: Targets) -> ResolvePass:
-        key = (kind, tuple(targets.sums))
-        if key not in self._resolves:
-            self._resolves[key] = ResolvePass(self._ctx, kind, targets.sums)
-        return self._resolves[key]
 
     def _ground(self, up: tuple[float, float, float]) -> tuple[float, float]:
         """Return the height of the model's lowest point along `up`, model space, and the model's radius."""

@@ -19,98 +19,140 @@ UNITS = {"normal": 0, "color": 1, "depth": 2, "tint": 3}
 MATCAP_UNIT = 4
 
 
-class ResolvePass:
-    """A fullscreen pass over the sums: "shade" for a picture, "arrays" for normal, depth and coverage."""
+# Depth in clip space of pixels that may lie in a crack: two steps of a 24-bit buffer before the far plane, where no model
+# reaches (clip_planes leaves a margin).
+MARKED = 1.0 - 4.0 / 2.0**24
 
-    def __init__(self, ctx: moderngl.Context, kind: str, sums: dict[str, moderngl.Texture]) -> None:
+
+class FullscreenPass:
+    """A program that runs on every pixel whose depth passes a test against the far plane."""
+
+    def __init__(self, ctx: moderngl.Context, fragment: str, defines: dict[str, str | int | float]) -> None:
         self._ctx = ctx
-        defines: dict[str, str | int | float] = {name.upper(): 1 for name in sums if name != "normal"}
-        self.program = make_program(ctx, "fullscreen.vert", f"resolve_{kind}.frag", defines)
-        self._array = ctx.vertex_array(self.program, [])
-        self._matcaps: dict[str, moderngl.Texture] = {}
+        self._program = make_program(ctx, "fullscreen.vert", fragment, defines)
+        self._array = ctx.vertex_array(self._program, [])
 
-    def render(self, targets: Targets, framebuffer: moderngl.Framebuffer, uniforms: dict[str, object]) -> None:
-        """Resolve the sums into a framebuffer of the same size."""
-        for name, texture in targets.sums.items():
-            texture.use(UNITS[name])
-            uniforms[f"sum_{name}"] = UNITS[name]
-        framebuffer.use()
-        self._ctx.enable_only(moderngl.NOTHING)
-        set_uniforms(self.program, uniforms)
+    def render(self, uniforms: dict[str, object], depth_func: str | None = None, plane: float = 1.0) -> None:
+        """Draw into the current framebuffer at a depth.
+
+        depth_func : how a pixel's depth has to compare with the plane's, None: draw all
+        plane : depth in clip space, 1 is the far plane
+        """
+        self._ctx.enable_only(moderngl.NOTHING if depth_func is None else moderngl.DEPTH_TEST)
+        if depth_func is not None:
+            self._ctx.depth_func = depth_func
+        set_uniforms(self._program, uniforms | {"plane": plane})
         self._array.render(moderngl.TRIANGLES, 3)
 
-    def use_matcap(self, name: str) -> None:
-        """Bind a matcap, making it on first use."""
+    def release(self) -> None:
+        self._array.release()
+        self._program.release()
+
+
+class Resolve:
+    """The passes over the sums, compiled when first needed, and the matcaps."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self._passes: dict[tuple[str, tuple[str, ...]], FullscreenPass] = {}
+        self._matcaps: dict[str, moderngl.Texture] = {}
+
+    def shade(
+        self, targets: Targets, view: View, settings: Settings, *, has_colors: bool, ground: tuple[float, float]
+    ) -> None:
+        """Shade a frame into `targets.picture`.
+
+        has_colors : the model has colours of its own
+        ground : height of the ground along settings.ground_up and radius of the model, model space
+        """
+        uniforms = self._bind(targets) | _shading(view, settings, has_colors) | _ground(view, settings, ground)
+        kinds = _kinds(targets)
+        if settings.material in MATCAPS:
+            self._matcap(settings.material).use(MATCAP_UNIT)
+            kinds |= {"MATCAP"}
+        targets.picture.use()
+        targets.picture.depth_mask = False
+        # Software renderers skip what the depth test rejects, and nothing else: hence several passes and not a branch.
+        self._pass("resolve_shade.frag", kinds).render(uniforms, ">")
+        self._pass("resolve_background.frag", {"GROUND"} if settings.ground else set()).render(uniforms, "==")
+        targets.visibility.use()
+        targets.visibility.depth_mask = True
+        self._pass("resolve_cracks.frag", set()).render(uniforms, "<", MARKED)
+        targets.picture.use()
+        targets.picture.depth_mask = False
+        self._pass("resolve_shade.frag", kinds | {"CRACKS"}).render(uniforms, "==", MARKED)
+        targets.picture.depth_mask = True
+
+    def arrays(self, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
+        """Return eye-space normal and coverage, float32 (H, W, 4), and depth, float32 (H, W); row 0 at the top."""
+        width, height = targets.size
+        outputs = [self._ctx.texture(targets.size, 4, dtype="f4"), self._ctx.texture(targets.size, 1, dtype="f4")]
+        framebuffer = self._ctx.framebuffer(outputs)
+        try:
+            framebuffer.use()
+            self._pass("resolve_arrays.frag", _kinds(targets)).render(self._bind(targets))
+            normal = np.frombuffer(outputs[0].read(), np.float32).reshape(height, width, 4)[::-1]
+            depth = np.frombuffer(outputs[1].read(), np.float32).reshape(height, width)[::-1]
+        finally:
+            # moderngl rebinds the framebuffer that it used last; it must not be one that is gone.
+            targets.attributes.use()
+            framebuffer.release()
+            for texture in outputs:
+                texture.release()
+        return normal, depth
+
+    def release(self) -> None:
+        for each in (*self._passes.values(), *self._matcaps.values()):
+            each.release()
+        self._passes.clear()
+        self._matcaps.clear()
+
+    def _pass(self, fragment: str, kinds: set[str]) -> FullscreenPass:
+        key = (fragment, tuple(sorted(kinds)))
+        if key not in self._passes:
+            self._passes[key] = FullscreenPass(self._ctx, fragment, dict.fromkeys(kinds, 1))
+        return self._passes[key]
+
+    def _bind(self, targets: Targets) -> dict[str, object]:
+        for name, texture in targets.sums.items():
+            texture.use(UNITS[name])
+        return {f"sum_{name}": UNITS[name] for name in targets.sums} | {"matcap": MATCAP_UNIT}
+
+    def _matcap(self, name: str) -> moderngl.Texture:
         if name not in self._matcaps:
             texels = make_matcap(name)
             texture = self._ctx.texture(texels.shape[1::-1], 3, texels, dtype="f4")
             texture.repeat_x = texture.repeat_y = False
             self._matcaps[name] = texture
-        self._matcaps[name].use(MATCAP_UNIT)
-
-    def release(self) -> None:
-        self._array.release()
-        self.program.release()
-        for texture in self._matcaps.values():
-            texture.release()
+        return self._matcaps[name]
 
 
-def shade(
-    resolve: ResolvePass,
-    targets: Targets,
-    framebuffer: moderngl.Framebuffer,
-    view: View,
-    settings: Settings,
-    has_colors: bool,
-    ground: tuple[float, float],
-) -> None:
-    """Shade a frame.
+def _kinds(targets: Targets) -> set[str]:
+    return {name.upper() for name in targets.sums if name != "normal"}
 
-    has_colors : the model has colours of its own
-    ground : height of the ground along settings.ground_up and radius of the model, model space
-    """
-    matcap = settings.material in MATCAPS
-    if matcap:
-        resolve.use_matcap(settings.material)
+
+def _shading(view: View, settings: Settings, has_colors: bool) -> dict[str, object]:
+    # A matcap is the whole material; only the model's own colours tint it.
+    plain = (1.0, 1.0, 1.0) if settings.material in MATCAPS else tuple(c**2.2 for c in settings.base_color)
+    tangent = math.tan(0.5 * view.view_angle)
+    return {
+        "use_colors": settings.use_colors and has_colors,
+        "two_sided": settings.two_sided,
+        "base_color": plain,
+        "background_top": settings.background_top,
+        "background_bottom": settings.background_bottom,
+        "ray_slope": (tangent * view.width / view.height, tangent),
+    }
+
+
+def _ground(view: View, settings: Settings, ground: tuple[float, float]) -> dict[str, object]:
+    """Return the ground's plane n.p = d in eye space, and the point of it below the model's centre."""
+    height, radius = ground
     up = np.asarray(settings.ground_up, np.float64)
     up /= np.linalg.norm(up)
-    tangent = math.tan(0.5 * view.view_angle)
-    eye_from_model = view.eye_from_model[:3, :3]
-    # The ground in eye space: n.p = d.
-    normal = eye_from_model @ up
-    resolve.render(
-        targets,
-        framebuffer,
-        {
-            "matcap": MATCAP_UNIT,
-            "use_matcap": matcap,
-            "use_colors": settings.use_colors and has_colors,
-            "two_sided": settings.two_sided,
-            "base_color": settings.base_color,
-            "background_top": settings.background_top,
-            "background_bottom": settings.background_bottom,
-            "ray_slope": (tangent * view.width / view.height, tangent),
-            "show_ground": settings.ground,
-            "ground_plane": (*normal, ground[0] - float(up @ view.eye)),
-            "ground_centre": tuple(view.eye_from_model[:3, 3] + normal * ground[0]),
-            "ground_radius": ground[1],
-        },
-    )
-
-
-def resolve_arrays(ctx: moderngl.Context, resolve: ResolvePass, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
-    """Return eye-space normal and coverage, float32 (H, W, 4), and depth, float32 (H, W); row 0 at the top."""
-    width, height = targets.size
-    outputs = [ctx.texture(targets.size, 4, dtype="f4"), ctx.texture(targets.size, 1, dtype="f4")]
-    framebuffer = ctx.framebuffer(outputs)
-    try:
-        resolve.render(targets, framebuffer, {})
-        normal = np.frombuffer(outputs[0].read(), np.float32).reshape(height, width, 4)[::-1]
-        depth = np.frombuffer(outputs[1].read(), np.float32).reshape(height, width)[::-1]
-    finally:
-        # moderngl rebinds the framebuffer it used last; it must not be one that is gone.
-        targets.attributes.use()
-        framebuffer.release()
-        for texture in outputs:
-            texture.release()
-    return normal, depth
+    normal = view.eye_from_model[:3, :3] @ up
+    return {
+        "ground_plane": (*normal, height - float(up @ view.eye)),
+        "ground_centre": tuple(view.eye_from_model[:3, 3] + normal * height),
+        "ground_radius": radius,
+    }

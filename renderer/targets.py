@@ -1,4 +1,4 @@
-"""The textures that a frame is drawn into: one depth buffer, and sums that the attribute pass adds up."""
+"""The textures that a frame is drawn into: one depth buffer, sums that the attribute pass adds up, and the picture."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ class Targets:
         # Depth only: a colour mask of False did not stop colour writes.
         self.visibility = ctx.framebuffer([], self.visible_depth)
         self.attributes = ctx.framebuffer(list(self.sums.values()), self.visible_depth)
+        self._color = ctx.texture(size, 4)
+        self.picture = ctx.framebuffer([self._color], self.visible_depth)
         # The same sums without the depth buffer, to clear them and keep it.
         self._sums_only = ctx.framebuffer(list(self.sums.values()))
 
@@ -48,11 +50,11 @@ class Targets:
     def nbytes(self) -> int:
         width, height = self.size
         texel = {"f2": 2, "f4": 4}
-        return width * height * (4 + sum(t.components * texel[t.dtype] for t in self.sums.values()))
+        return width * height * (8 + sum(t.components * texel[t.dtype] for t in self.sums.values()))
 
     def release(self) -> None:
-        for framebuffer in (self.visibility, self.attributes, self._sums_only):
+        for framebuffer in (self.visibility, self.attributes, self.picture, self._sums_only):
             framebuffer.release()
         self.visible_depth.release()
-        for texture in self.sums.values():
+        for texture in (self._color, *self.sums.values()):
             texture.release()

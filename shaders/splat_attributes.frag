@@ -1,7 +1,7 @@
-// Role: attribute pass: add the disc's kernel-weighted normal (and colour, and depth) to the targets.
-// In:   v_disc and the flat frame and tile; the tiles' array texture.
-// Out:  the sums of include/accumulate.glsl, blended additively against the depth of the visibility pass.
-// Source: Holst and Schumann 2007, eq. 11 and 14; Botsch et al. 2005, section 5.
+// Role: attribute pass of a splat: add its kernel-weighted normal, colour, distance and tint to the sums.
+// In:   v_disc and the flat attributes of splat.vert; the tiles' array textures.
+// Out:  the sums of include/accumulate.glsl, blended additively, tested against the depth of the visibility pass.
+// Source: Holst and Schumann 2007, eq. 11 (texel) and 14 (kernel); Botsch et al. 2005, section 5.
 #include "hemisphere.glsl"
 #include "accumulate.glsl"
 
@@ -9,12 +9,21 @@ in vec2 v_disc;
 flat in vec3 v_o1;
 flat in vec3 v_o2;
 flat in vec3 v_normal;
-flat in vec3 v_tile;
-flat in float v_silhouette;
-
 #ifdef NORMAL_MAPPING
+flat in vec3 v_tile;
 uniform sampler2DArray tile_normals;
-uniform float tile_scale;  // (w_s - 1) / 2 texels in texture coordinates, eq. 11
+uniform float tile_scale;  // (w_s - 1) / 2 texels, in texture coordinates
+#ifdef COLOR
+uniform sampler2DArray tile_colors;
+#endif
+#endif
+#ifdef COLOR
+flat in vec3 v_color;
+#endif
+#ifdef TINT
+flat in vec4 v_tint;
+uniform bool show_outlines;
+#include "tint.glsl"
 #endif
 
 void main()
@@ -23,15 +32,32 @@ void main()
     if (rho2 > 1.0) discard;
     float weight = exp(-SHARPNESS * rho2);
     vec3 normal = v_normal;
+#ifdef COLOR
+    vec3 color = v_color;
+#endif
 #ifdef NORMAL_MAPPING
     if (v_tile.z >= 0.0) {
         vec3 at = vec3(v_tile.xy + tile_scale * v_disc, v_tile.z);
         vec3 local = decode_hemisphere(texture(tile_normals, at).rg);
         normal = normalize(local.x * v_o1 + local.y * v_o2 + local.z * v_normal);
+#ifdef COLOR
+        // Alpha 0: the texel's line hit nothing.
+        vec4 texel = texture(tile_colors, at);
+        color = mix(v_color, texel.rgb / max(texel.a, 1.0 / 255.0), texel.a);
+#endif
     }
 #endif
     sum_normal = vec4(weight * normal, weight);
+#ifdef COLOR
+    sum_color = vec4(weight * color, weight);
+#endif
 #ifdef DEPTH
-    sum_depth = vec2(weight / gl_FragCoord.w, weight);
+    sum_depth = vec4(weight / gl_FragCoord.w, weight, 0.0, 0.0);
+#endif
+#ifdef TINT
+    vec4 tint = show_outlines && rho2 > 0.82 ? OUTLINE_TINT : v_tint;
+    // An outline's weight must not fade with the kernel, or no rim would ever show.
+    float shown = show_outlines && rho2 > 0.82 ? 1.0 : weight;
+    sum_tint = vec4(shown * tint.a * tint.rgb, shown * tint.a);
 #endif
 }

@@ -1,25 +1,33 @@
 // Role: a leaf triangle of a hybrid hierarchy.
-// In:   in_position, in_normal (model space). Out: v_normal (eye space).
-// Source: DESIGN: leaf triangles are drawn as triangles into the same targets; VISIBILITY pushes them back by about a pixel.
+// In:   in_position, in_normal (model space), in_color. Out: v_normal (eye space), v_color.
+// Source: Holst and Schumann 2007, section 4.2 (hybrid hierarchies). VISIBILITY pushes it back along the view rays by
+//       about a pixel: leaf triangles that are drawn are small or near.
 in vec3 in_position;
 
 uniform mat4 eye_from_model;
 uniform mat4 clip_from_eye;
 
 #ifdef VISIBILITY
-uniform float pixel;  // width of a pixel at unit depth
+uniform float focal;  // pixels of a unit length at unit distance
 #else
 in vec3 in_normal;
 out vec3 v_normal;
+#ifdef COLOR
+in vec4 in_color;
+out vec3 v_color;
+#endif
 #endif
 
 void main()
 {
     vec4 eye = eye_from_model * vec4(in_position, 1.0);
 #ifdef VISIBILITY
-    eye.xyz *= 1.0 + pixel;
+    eye.xyz *= 1.0 + 1.0 / focal;
 #else
     v_normal = mat3(eye_from_model) * in_normal;
+#ifdef COLOR
+    v_color = in_color.rgb;
+#endif
 #endif
     gl_Position = clip_from_eye * eye;
 }

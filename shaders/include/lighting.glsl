@@ -1,0 +1,31 @@
+// Blinn-Phong of a headlight and a key light that is fixed to the eye, or a matcap. Linear colours.
+// Source: Blinn, "Models of Light Reflection for Computer Synthesized Pictures", 1977.
+const vec3 KEY_DIRECTION = vec3(-0.48, 0.64, 0.60);  // over the left shoulder
+const vec3 HEADLIGHT = vec3(0.42);
+const vec3 KEY_LIGHT = vec3(0.62, 0.60, 0.56);
+const vec3 SKY = vec3(0.085, 0.095, 0.115);
+const vec3 FLOOR = vec3(0.050, 0.045, 0.040);
+const float SPECULAR = 0.14;
+const float SHININESS = 36.0;
+
+#ifdef MATCAP
+uniform sampler2D matcap;
+#endif
+
+vec3 blinn_phong(vec3 albedo, vec3 n, vec3 to_eye, vec3 to_light, vec3 light)
+{
+    vec3 halfway = normalize(to_eye + to_light);
+    float diffuse = max(dot(n, to_light), 0.0);
+    return light * (albedo * diffuse + SPECULAR * pow(max(dot(n, halfway), 0.0), SHININESS));
+}
+
+vec3 lit(vec3 albedo, vec3 n, vec3 to_eye)
+{
+#ifdef MATCAP
+    return texture(matcap, 0.5 + 0.495 * n.xy).rgb * albedo;
+#else
+    vec3 color = albedo * mix(FLOOR, SKY, 0.5 + 0.5 * n.y);
+    color += blinn_phong(albedo, n, to_eye, to_eye, HEADLIGHT);
+    return color + blinn_phong(albedo, n, to_eye, KEY_DIRECTION, KEY_LIGHT);
+#endif
+}

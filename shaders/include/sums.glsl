@@ -1,0 +1,73 @@
+// Read the sums of a pixel and close cracks: the resolve's side of include/accumulate.glsl.
+// Between discs of different heights a view from the side can open a crack of a pixel or three. A pixel that nothing
+// covers is in one where five of its eight neighbours are covered, and both sides within two pixels on three of the four
+// axes; it takes the sum of what is around it (cf. Pfister et al. 2000, section 7.2). Texels beyond the edge read as 0.
+uniform sampler2D sum_normal;
+#ifdef COLOR
+uniform sampler2D sum_color;
+#endif
+#ifdef DEPTH
+uniform sampler2D sum_depth;
+#endif
+#ifdef TINT
+uniform sampler2D sum_tint;
+#endif
+
+struct Sums {
+    vec4 normal;
+    vec4 color;
+    vec4 depth;
+    vec4 tint;
+};
+
+Sums fetch_sums(ivec2 at)
+{
+    Sums sums = Sums(texelFetch(sum_normal, at, 0), vec4(0.0), vec4(0.0), vec4(0.0));
+#ifdef COLOR
+    sums.color = texelFetch(sum_color, at, 0);
+#endif
+#ifdef DEPTH
+    sums.depth = texelFetch(sum_depth, at, 0);
+#endif
+#ifdef TINT
+    sums.tint = texelFetch(sum_tint, at, 0);
+#endif
+    return sums;
+}
+
+void add(inout Sums sums, Sums other)
+{
+    sums.normal += other.normal;
+    sums.color += other.color;
+    sums.depth += other.depth;
+    sums.tint += other.tint;
+}
+
+bool is_covered(ivec2 at) { return texelFetch(sum_normal, at, 0).w > 0.0; }
+
+// Tell whether an uncovered pixel may lie in a crack: a crack has three of four axes closed, so one of these two.
+bool may_be_crack(ivec2 at)
+{
+    return is_covered(at - ivec2(1, 0)) || is_covered(at + ivec2(1, 0)) || is_covered(at - ivec2(0, 1)) || is_covered(at + ivec2(0, 1));
+}
+
+// Tell whether an uncovered pixel lies in a crack, and return the sums of the pixels around it.
+bool close_crack(ivec2 at, out Sums around)
+{
+    const ivec2 AXES[4] = ivec2[4](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));
+    around = Sums(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    int closed = 0;
+    int next = 0;
+    for (int axis = 0; axis < 4; ++axis) {
+        int sides = 0;
+        for (int side = -1; side <= 1; side += 2) {
+            Sums beside = fetch_sums(at + side * AXES[axis]);
+            if (beside.normal.w > 0.0) ++next;
+            else beside = fetch_sums(at + 2 * side * AXES[axis]);
+            if (beside.normal.w > 0.0) ++sides;
+            add(around, beside);
+        }
+        if (sides == 2) ++closed;
+    }
+    return closed >= 3 && next >= 5;
+}
