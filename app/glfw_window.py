@@ -49,6 +49,7 @@ class GlfwWindow(ModernglGlfwWindow):
         except Exception as error:
             # moderngl-window goes on without a window and stumbles over that; GLFW knows why there is none.
             raise WindowError(f"no OpenGL 3.3 window: {_last_error() or error}") from error
+        self._cursor_at = glfw.get_cursor_pos(self._window)
         # On a screen of high density the window has become larger than was asked for.
         self._width, self._height = glfw.get_window_size(self._window)
         # Escape cancels and closes what is open in the window, not the window.
@@ -66,9 +67,11 @@ class GlfwWindow(ModernglGlfwWindow):
 
     @property
     def cursor_position(self) -> tuple[float, float]:
-        """Where the cursor is, in window coordinates from the top left corner."""
-        x, y = glfw.get_cursor_pos(self._window)
-        return float(x), float(y)
+        """Where the cursor was at the event that is being handled, in window coordinates from the top left corner.
+
+        GLFW would tell where it is by now; after a slow frame that is somewhere else.
+        """
+        return self._cursor_at
 
     @property
     def interface_scale(self) -> float:
@@ -104,6 +107,22 @@ class GlfwWindow(ModernglGlfwWindow):
         report: Any = self._mouse_drag_event_func if self.mouse_states.any else self._mouse_position_event_func
         report(xpos, ypos, dx, dy)
 
+    def glfw_mouse_button_callback(self, window: Any, button: int, action: int, mods: int) -> None:
+        """Report a press or release where it happened."""
+        self._handle_modifiers(mods)
+        number = self._mouse_button_map.get(button)
+        if number is None:
+            return
+        pressed = action == glfw.PRESS
+        self._handle_mouse_button_state_change(number, pressed)
+        report: Any = self._mouse_press_event_func if pressed else self._mouse_release_event_func
+        report(*self._cursor_at, number)
+
+    def glfw_cursor_enter(self, window: Any, enter: int) -> None:
+        """Note where the cursor comes in."""
+        if enter:
+            self._cursor_at = glfw.get_cursor_pos(self._window)
+
     def _name_of_key(self, key: int, scancode: int) -> str:
         """Return moderngl-window's name of a key; a letter goes by the layout, not by its place on a US keyboard."""
         printed = glfw.get_key_name(key, scancode)
@@ -112,7 +131,7 @@ class GlfwWindow(ModernglGlfwWindow):
         return _KEY_NAMES.get(key, "")
 
     def _dropped(self, _window: Any, paths: Any) -> None:
-        x, y = self.cursor_position
+        x, y = glfw.get_cursor_pos(self._window)
         self._files_dropped_event_func(int(x), int(y), list(paths))
 
     def _refreshed(self, *_: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from app.background import BackgroundTask
@@ -164,6 +165,8 @@ class Viewer:
             self.state.say(str(error), is_error=True)
             pose = frame_scene(scene, CameraOptions(), resolution)
             self.camera = orbit_from_pose(pose.position, pose.focal_point, pose.view_up, pose.view_angle)
+        x, y, z = (float(value) for value in self.camera.axes[1])
+        self.state.settings = replace(self.state.settings, ground_up=(x, y, z))
 
 
 def _open_ready_to_select(source: ModelSource, progress: Progress) -> Scene:

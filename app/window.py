@@ -58,7 +58,7 @@ class ViewerWindow(WindowConfig):
         self._gestures = Gestures(self._viewport.depth_at)
         self._chooser = FileChooser()
         self._unsettled = SETTLING_FRAMES
-        self._iconified = False
+        self._iconified = self._idle = False
         wnd.on_repaint = self._stir
         self._actions = self._make_actions()
 
@@ -68,6 +68,7 @@ class ViewerWindow(WindowConfig):
         """Show the window until it is closed."""
         try:
             while not self._window.is_closing:
+                self._report_idleness()
                 self._window.wait_for_events(self._sleep())
                 self._step()
         finally:
@@ -75,13 +76,21 @@ class ViewerWindow(WindowConfig):
             self._viewport.release()
             self._gui.close()
 
+    @property
+    def _has_to_draw(self) -> bool:
+        return self._unsettled > 0 or self._viewer.state.continuous or self._viewport.is_stale(self._viewer)
+
+    @property
+    def _waits_for_work(self) -> bool:
+        return self._viewer.task is not None or self._chooser.waiting
+
     def _sleep(self) -> float:
         """Return how long the loop may wait for an event."""
         if self._iconified:
             return LONGEST_SLEEP
-        if self._unsettled > 0 or self._viewer.state.continuous or self._viewport.is_stale(self._viewer):
+        if self._has_to_draw:
             return 0.0
-        if self._viewer.task is not None or self._chooser.waiting:
+        if self._waits_for_work:
             return PROGRESS_INTERVAL
         expiry = self._viewer.state.next_expiry()
         return LONGEST_SLEEP if expiry is None else min(max(expiry - time.monotonic(), 0.001), LONGEST_SLEEP)
@@ -118,6 +127,13 @@ class ViewerWindow(WindowConfig):
         screen.use()
         self._gui.draw(self._describe)
         self._window.show_frame()
+
+    def _report_idleness(self) -> None:
+        """Say, to the curious, when there is nothing left to do."""
+        idle = not self._has_to_draw and not self._waits_for_work
+        if idle and not self._idle and self._verbose:
+            print("idle", file=sys.stderr, flush=True)
+        self._idle = idle
 
     def _report(self, report: FrameReport) -> None:
         self._viewer.state.history.append(report)

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 
 
-def make_torus(path: Path, *, rings: int = 48, sides: int = 24, offset: tuple[float, float, float] = (0, 0, 0)) -> Path:
-    """Write a closed torus around the z axis, outer radius 1.3, as a binary PLY."""
+def make_torus(
+    path: Path,
+    *,
+    rings: int = 48,
+    sides: int = 24,
+    bumps: float = 0.0,
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Path:
+    """Write a closed torus around the z axis, outer radius 1.3, with bumps of a height, as a binary PLY."""
     u, v = np.meshgrid(np.arange(rings) * 2 * np.pi / rings, np.arange(sides) * 2 * np.pi / sides, indexing="ij")
-    ring = 1.0 + 0.3 * np.cos(v)
-    vertices = np.stack([ring * np.cos(u), ring * np.sin(u), 0.3 * np.sin(v)], axis=-1).reshape(-1, 3) + offset
+    tube = 0.3 + bumps * np.sin(24.0 * u) * np.sin(10.0 * v)
+    ring = 1.0 + tube * np.cos(v)
+    vertices = np.stack([ring * np.cos(u), ring * np.sin(u), tube * np.sin(v)], axis=-1).reshape(-1, 3) + offset
     i, j = np.meshgrid(np.arange(rings), np.arange(sides), indexing="ij")
     a, b = i * sides + j, (i + 1) % rings * sides + j
     c, d = (i + 1) % rings * sides + (j + 1) % sides, i * sides + (j + 1) % sides

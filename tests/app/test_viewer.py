@@ -126,6 +126,7 @@ def test_camera_of_the_command_line_holds_for_its_own_model_only(torus, far_toru
     viewer = Viewer(options, lambda: None, lambda scene: None)
     settle(viewer)
     assert np.allclose(viewer.camera.position, (0.0, -7.0, 1.0))
+    assert viewer.state.settings.ground_up == (0.0, 0.0, 1.0)
     viewer.open_path(far_torus)
     settle(viewer)
     assert np.allclose(viewer.camera.pivot, viewer.scene.hierarchy.origin + viewer.scene.hierarchy.bounds[0])
