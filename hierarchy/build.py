@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hierarchy.colors import splat_colors
 from hierarchy.cones import EVERYTHING, normal_cones
 from hierarchy.discs import node_discs
 from hierarchy.footprints import disc_footprints
 from hierarchy.hierarchy import NODE, SPLAT, Hierarchy
-from hierarchy.colors import splat_colors
 from hierarchy.leaves import Leaves, Surfels, sort_surfels, sort_triangles
 from hierarchy.model import Float32Array, Mesh, Model, Progress, ignore_progress
 from hierarchy.octree import MIN_LEAVES, Octree, build_octree
@@ -28,6 +28,7 @@ def build_hierarchy(
     progress : called from this thread; an exception that it raises ends the build
     """
     progress("Sorting", 0.0)
+    leaves: Leaves
     if isinstance(model, Mesh) and not points:
         leaves, shapes, codes = sort_triangles(model)
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hierarchy.leaves import Leaves, LeafShapes, Triangles
+from hierarchy.leaves import LeafShapes, Leaves, Triangles
 from hierarchy.model import UInt8Array
 from hierarchy.octree import Octree
 

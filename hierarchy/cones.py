@@ -16,8 +16,6 @@ from hierarchy.model import Float32Array, Int32Array
 
 # cone_cos of a cone that contains everything (half-angle >= 90 degrees).
 EVERYTHING = -1.0
-
-
 # A set of normals whose lowest cosine to any axis exceeds this has a cap; a pivot that finds none has met rounding.
 SURELY_A_CAP = 0.9
 
@@ -76,7 +74,8 @@ def _cones(normals, begin, end):  # type: ignore[no-untyped-def]
         # Normalised in float64: the float32 ones are off unit length by more than a narrow cone's cosine is off 1.
         vectors = np.empty((end[node] - begin[node], 3), np.float64)
         for i in range(len(vectors)):
-            x, y, z = np.float64(normals[begin[node] + i, 0]), np.float64(normals[begin[node] + i, 1]), np.float64(normals[begin[node] + i, 2])
+            leaf = begin[node] + i
+            x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
             norm = math.sqrt(x * x + y * y + z * z)
             vectors[i, 0], vectors[i, 1], vectors[i, 2] = x / norm, y / norm, z / norm
         cap = np.empty(4, np.float64)

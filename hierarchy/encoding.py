@@ -36,4 +36,5 @@ def decode_hemisphere(code: UInt8Array) -> Float64Array:
     e = (code.astype(np.float64) - BYTE_ZERO) / BYTE_SCALE
     x, y = 0.5 * (e[..., 0] + e[..., 1]), 0.5 * (e[..., 0] - e[..., 1])
     v = np.stack([x, y, 1.0 - np.abs(x) - np.abs(y)], axis=-1)
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+    unit: Float64Array = v / np.linalg.norm(v, axis=-1, keepdims=True)
+    return unit

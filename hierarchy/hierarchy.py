@@ -17,7 +17,7 @@ NODE = np.dtype(
         ("sphere", "f4"),  # radius of the bounding sphere of the disc and the whole subtree
         ("axis_x", "f4"), ("axis_y", "f4"), ("axis_z", "f4"),  # normal cone: unit axis ...
         ("cone_sin", "f4"), ("cone_cos", "f4"),  # ... and half-angle; cos -1: contains every direction
-        ("print_x", "f4"), ("print_y", "f4"), ("print_z", "f4"),  # cone of the disc's footprint (footprints.py): axis ...
+        ("print_x", "f4"), ("print_y", "f4"), ("print_z", "f4"),  # cone of the footprint (footprints.py): axis ...
         ("print_sin", "f4"), ("print_cos", "f4"),  # ... and half-angle, as above
         ("radius", "f4"),  # disc radius
         ("relief", "f4"),  # largest distance of the footprint's surface from the disc's plane
@@ -71,7 +71,7 @@ class Hierarchy:
 
     @property
     def leaf_kind(self) -> str:
-        """"triangles" (hybrid hierarchy) or "surfels" (point hierarchy)."""
+        """What the leaves are: "triangles" (hybrid hierarchy) or "surfels" (point hierarchy)."""
         return "triangles" if isinstance(self.leaves, Triangles) else "surfels"
 
     @property

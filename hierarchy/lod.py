@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
-import numpy.typing as npt
 
 from hierarchy.cones import EVERYTHING
 from hierarchy.hierarchy import Hierarchy
@@ -125,12 +124,13 @@ def _faces_away(positions, a, b, c, eye):  # type: ignore[no-untyped-def]
 def _classify(node, x, y, z, distance2, sphere, view):  # type: ignore[no-untyped-def]
     """Return on which side a node faces the eye by its own cone, and by its footprint's."""
     _, axis, _, _, printed, sin_view, cos_view = view
+    cone_sin, cone_cos = np.float64(node["cone_sin"]), np.float64(node["cone_cos"])
     if printed:
         along = node["axis_x"] * axis[0] + node["axis_y"] * axis[1] + node["axis_z"] * axis[2]
-        side = classify_cone_printed(along, np.float64(node["cone_sin"]), np.float64(node["cone_cos"]), sin_view, cos_view)
+        side = classify_cone_printed(along, cone_sin, cone_cos, sin_view, cos_view)
         return side, side
     facing = node["axis_x"] * x + node["axis_y"] * y + node["axis_z"] * z
-    side = classify_cone(facing, distance2, sphere, np.float64(node["cone_sin"]), np.float64(node["cone_cos"]))
+    side = classify_cone(facing, distance2, sphere, cone_sin, cone_cos)
     facing = node["print_x"] * x + node["print_y"] * y + node["print_z"] * z
     print_sin, print_cos = np.float64(node["print_sin"]), np.float64(node["print_cos"])
     return side, classify_cone(facing, distance2, sphere, print_sin, print_cos)
@@ -138,7 +138,7 @@ def _classify(node, x, y, z, distance2, sphere, view):  # type: ignore[no-untype
 
 @nb.njit(cache=True, nogil=True)
 def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type: ignore[no-untyped-def]
-    """Traverse breadth-first; silhouette splats and triangles fill their arrays from the front, others from the back."""
+    """Traverse breadth-first; what lies on the silhouette fills its array from the front, the rest from the back."""
     eye, axis, near, focal, printed, _, _ = view
     r_sil, r_inner = limits
     triangles = len(indices) > 0

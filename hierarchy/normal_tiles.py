@@ -196,9 +196,7 @@ def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # ty
                     if len(colors) > 0:
                         for c in range(4):
                             color[0, c] = colors[leaf, c]
-                    _scatter_surfel(
-                        corner[0], normal[0], color[0], radius, 1.0 / scale, half, texels, nearest, sums
-                    )
+                    _scatter_surfel(corner[0], normal[0], color[0], radius, 1.0 / scale, half, texels, nearest, sums)
             if child < last:
                 begin = nodes[child]["leaf_end"]
                 stack[top] = child
