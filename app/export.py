@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import moderngl
 import numpy as np
 import numpy.typing as npt
 
@@ -23,12 +24,16 @@ def check_writable(path: Path) -> None:
         raise OutputError(f"{path}: no permission to write")
 
 
-def write_frame(path: Path, frame: Frame) -> None:
-    """Write a drawn frame as a picture (.png) or as its arrays (.npz); raises OutputError."""
-    if path.suffix.lower() == ".png":
-        write_png(path, frame.color)
-    else:
-        write_arrays(path, frame)
+def is_picture(path: Path) -> bool:
+    """Tell whether a file shall hold the picture; otherwise it holds the arrays."""
+    return path.suffix.lower() == ".png"
+
+
+def read_picture(framebuffer: moderngl.Framebuffer) -> npt.NDArray[np.uint8]:
+    """Return what was drawn into a framebuffer, uint8 (H, W, 4), row 0 at the top."""
+    width, height = framebuffer.size
+    rows = np.frombuffer(framebuffer.read(components=4), np.uint8).reshape(height, width, 4)
+    return np.ascontiguousarray(rows[::-1])
 
 
 def write_png(path: Path, color: npt.NDArray[np.uint8]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.errors import UsageError, graphics_errors
-from app.export import check_writable, write_frame
+from app.export import check_writable, is_picture, read_picture, write_arrays, write_png
 from app.framing import frame_scene, view_of_pose
 from app.options import Options
 from app.progress import Reporter
@@ -57,13 +57,18 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
             radii = (options.r_sil, options.r_inner)
             cut, times = draw_frames(renderer, framebuffer, scene, view, radii, settings, options.frames)
             statistics = scene_statistics(scene) | frame_statistics(cut, times, renderer, ctx)
-            frame = renderer.read_arrays() if options.outputs else None
+            picture = read_picture(framebuffer)
+            # The arrays take another two passes.
+            wants_arrays = any(not is_picture(path) for path in options.outputs)
+            frame = renderer.read_arrays() if wants_arrays else None
             renderer.release()
     finally:
         ctx.release()
     for path in options.outputs:
-        assert frame is not None
-        write_frame(path, frame)
+        if frame is None or is_picture(path):
+            write_png(path, picture)
+        else:
+            write_arrays(path, frame)
         reporter.say(f"wrote {path}")
     return statistics
 

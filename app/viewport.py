@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.errors import GraphicsError, graphics_errors
+from app.export import read_picture
 from app.scene import Scene
 from app.state import STAGES, FrameReport, ViewerState
 from app.viewer import Viewer
@@ -86,10 +87,7 @@ class Viewport:
         """Return what was drawn last, uint8 (H, W, 4), row 0 at the top; None: nothing yet."""
         if self._target is None or self._drawn is None:
             return None
-        width, height = self._target.size
-        pixels = np.frombuffer(self._target.read(components=4), np.uint8).reshape(height, width, 4)[::-1].copy()
-        pixels[..., 3] = 255
-        return pixels
+        return read_picture(self._target)
 
     def depth_at(self, x: float, y: float) -> float | None:
         """Return the depth of the surface drawn at a pixel, counted from the top left; None: there is none."""
