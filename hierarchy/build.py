@@ -40,6 +40,7 @@ def build_hierarchy(
             cloud = model
         leaves, shapes, codes = sort_surfels(cloud)
     progress("Building the octree", 0.2)
+    closed = isinstance(model, Mesh) and model.closed
     octree = build_octree(codes, min_leaves)
     nodes = _nodes(octree)
     progress("Fitting normal cones", 0.25)
@@ -51,7 +52,7 @@ def build_hierarchy(
         nodes[name] = centres[:, axis]
     nodes["radius"], nodes["sphere"] = sizes[:, 0], sizes[:, 2]
     progress("Measuring footprints", 0.6)
-    axes, cosines, nodes["relief"] = disc_footprints(nodes, normals, sizes[:, 1], shapes)
+    axes, cosines, nodes["relief"] = disc_footprints(nodes, normals, sizes[:, 1], shapes, closed=closed)
     _set_cone(nodes, "print", "print", axes, cosines)
     progress("Assembling", 0.95)
     return Hierarchy(
@@ -61,9 +62,15 @@ def build_hierarchy(
         splats=_splats(centres, normals, sizes, leaves),
         colors=splat_colors(octree, shapes, leaves),
         leaves=leaves,
-        closed=isinstance(model, Mesh) and model.closed,
+        closed=closed,
+        radius=_radius(leaves),
         warnings=model.warnings,
     )
+
+
+def _radius(leaves: Leaves) -> float:
+    distances = np.sqrt(np.einsum("ij,ij->i", leaves.positions, leaves.positions, dtype=np.float64))
+    return float((distances + leaves.radii if isinstance(leaves, Surfels) else distances).max())
 
 
 def _nodes(octree: Octree) -> np.ndarray:

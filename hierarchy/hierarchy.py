@@ -50,6 +50,7 @@ class Hierarchy:
     leaves : base primitives in Morton order; a node's leaves are a contiguous range of them. A leaf that lies in
         a node's range but in none of its children's hangs on the node itself.
     closed : the surface has an inside that no eye outside sees
+    radius : of the sphere around the model space's origin that holds every base primitive
     """
 
     name: str
@@ -59,6 +60,7 @@ class Hierarchy:
     colors: UInt8Array | None
     leaves: Leaves
     closed: bool
+    radius: float
     warnings: tuple[str, ...] = ()
 
     @property
@@ -77,8 +79,7 @@ class Hierarchy:
     @property
     def bounds(self) -> tuple[npt.NDArray[np.float64], float]:
         """Centre, model space, and radius of a sphere that holds the model."""
-        root = self.nodes[0]
-        return np.array([root["x"], root["y"], root["z"]], np.float64), float(root["sphere"])
+        return np.zeros(3), self.radius
 
     @property
     def nbytes(self) -> int:
