@@ -64,5 +64,5 @@ cached=$$(PATH="$$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null); \
 missing=; \
 for pair in $(1); do case "$$cached" in *"$${pair%%:*}"*) ;; *) missing="$$missing $${pair##*:}";; esac; done; \
 for pair in $(2); do command -v "$${pair%%:*}" >/dev/null || missing="$$missing $${pair##*:}"; done; \
-[ -z "$$missing" ] || $(call install,$$missing)
+[ -z "$$missing" ] || $(call install,$${missing# })
 endef
