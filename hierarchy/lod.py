@@ -3,7 +3,7 @@
 Departures: the printed cone test widens the cone by the field of view; here it is widened by the angle that the
 node's own bounding sphere subtends (the printed one stays as a switch). What faces away is culled by the node's own
 cone, but what lies on the silhouette is told by the cone of the disc's footprint, and r_sil limits it only where the
-footprint leaves the disc's plane visibly (footprints.py). Added are what Algorithm 3 leaves out: frustum culling by
+footprint leaves the disc's plane visibly (footprints.py); r_sil limits creases, too. Added are what Algorithm 3 leaves out: frustum culling by
 bounding sphere, and descending nodes that contain the eye or reach the near plane. Leaf triangles that face away are
 culled one by one.
 """
@@ -28,6 +28,10 @@ FRONT, SILHOUETTE, BACK = 0, 1, 2
 # out by a fraction of r_sil only, however wide it is. On Igea at r_sil 2: 8,900 primitives at 0.65, 12,300 at 0.4, and
 # the outline moves by less than a tenth of a pixel with both.
 RELIEF_OF_R_SIL = 0.65
+# A footprint whose normals spread further than 30 degrees from their axis is a crease or a spike, for which no disc
+# can stand: it is drawn as finely as the silhouette. Igea: 740 primitives more, mean error 0.42 instead of 0.49 degrees;
+# fandisk: no edge loses its straightness, mean error 0.14 instead of 0.36.
+BENT_COSINE = math.cos(math.radians(30.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +172,10 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type
         depth = x * axis[0] + y * axis[1] + z * axis[2]
         if depth - sphere > near and distance2 > sphere * sphere:
             pixels = focal / depth
-            visible_relief = printed or node["relief"] * pixels > RELIEF_OF_R_SIL * r_sil
-            if node["radius"] * pixels <= (r_sil if silhouette and visible_relief else r_inner):
+            fine = silhouette
+            if not printed:
+                fine = (silhouette or node["print_cos"] < BENT_COSINE) and node["relief"] * pixels > RELIEF_OF_R_SIL * r_sil
+            if node["radius"] * pixels <= (r_sil if fine else r_inner):
                 if silhouette:
                     splats[sil_splats] = index
                     sil_splats += 1
