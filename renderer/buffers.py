@@ -22,6 +22,17 @@ class GpuError(Exception):
     """The GPU cannot hold what is asked of it. The message is one line."""
 
 
+def check_memory(ctx: moderngl.Context, what: str) -> None:
+    """Raise GpuError where OpenGL had no memory for what was made since its errors were last read.
+
+    what : what it was made for, as the message names it
+    """
+    # moderngl reports no errors by itself, and a texture without memory is only drawn wrong.
+    errors = {ctx.error for _ in range(4)}
+    if "GL_OUT_OF_MEMORY" in errors:
+        raise GpuError(f"the graphics memory does not hold {what}")
+
+
 def data_texture(ctx: moderngl.Context, rows: np.ndarray, components: int, dtype: str) -> moderngl.Texture:
     """Put flat records into a 2D texture, RECORD_WIDTH texels a row, for texelFetch.
 
@@ -43,6 +54,7 @@ class SplatBuffers:
     """A hierarchy on the GPU."""
 
     def __init__(self, ctx: moderngl.Context, hierarchy: Hierarchy) -> None:
+        """Raises GpuError where the hierarchy does not fit."""
         texels = hierarchy.splats.view(np.float32).reshape(-1, 4)
         self.records = data_texture(ctx, texels, 4, "f4")
         self.colors = None if hierarchy.colors is None else data_texture(ctx, hierarchy.colors, 4, "f1")
@@ -53,6 +65,11 @@ class SplatBuffers:
             self.vertices.append((ctx.buffer(leaves.normals), "3f", "in_normal"))
             if leaves.colors is not None:
                 self.vertices.append((ctx.buffer(leaves.colors), "4f1", "in_color"))
+        try:
+            check_memory(ctx, "the model")
+        except GpuError:
+            self.release()
+            raise
 
     @property
     def nbytes(self) -> int:
@@ -72,10 +89,16 @@ class TileTextures:
     """The normal tiles on the GPU: 2D array textures, filtered bilinearly."""
 
     def __init__(self, ctx: moderngl.Context, tiles: NormalTiles) -> None:
+        """Raises GpuError where the tiles do not fit."""
         self.texels, self.count = tiles.texels, tiles.count
         self.layer_size = tiles.normals.shape[1]
         self.normals = self._array(ctx, tiles.normals)
         self.colors = None if tiles.colors is None else self._array(ctx, tiles.colors)
+        try:
+            check_memory(ctx, "the normal tiles; choose a smaller w_s")
+        except GpuError:
+            self.release()
+            raise
 
     @staticmethod
     def _array(ctx: moderngl.Context, texels: np.ndarray) -> moderngl.TextureArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import moderngl
 
@@ -20,7 +21,7 @@ def create_headless_context() -> moderngl.Context:
 
     Raises ContextError where there is none of version 3.3.
     """
-    settings: dict[str, str] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
+    settings: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         ctx = moderngl.create_context(standalone=True, require=REQUIRED_VERSION, **settings)
     except Exception as error:

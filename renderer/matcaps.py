@@ -16,7 +16,7 @@ SIZE = 256
 
 @dataclass(frozen=True)
 class Light:
-    """direction : towards the light, eye space; color : linear RGB; sharpness : exponent of the highlight, 0: diffuse."""
+    """direction : towards the light, eye space; color : linear RGB; sharpness : of the highlight, 0: diffuse."""
 
     direction: tuple[float, float, float]
     color: tuple[float, float, float]
@@ -65,7 +65,7 @@ def make_matcap(name: str) -> npt.NDArray[np.float32]:
             # Wrapped: half of the light reaches around the terminator, as from a wide source.
             amount = np.maximum(0.65 * (normal @ direction) + 0.35, 0.0)
         else:
-            half = direction + (0.0, 0.0, 1.0)
+            half = direction + np.array([0.0, 0.0, 1.0])
             amount = np.maximum(normal @ (half / np.linalg.norm(half)), 0.0) ** light.sharpness
         color += amount[..., None] * np.asarray(light.color)
     return color.astype(np.float32)

@@ -64,8 +64,9 @@ class Renderer:
     # Drawing
 
     def draw(self, cut: Cut, view: View, settings: Settings, framebuffer: moderngl.Framebuffer) -> None:
-        """Draw a cut of the hierarchy into a framebuffer of the view's size.
+        """Draw a cut of the hierarchy into a framebuffer of the view's size, and leave that bound.
 
+        Its viewport, scissor and depth do not matter and stay as they are; it has one colour attachment.
         Raises RuntimeError where no hierarchy was set.
         """
         if self._hierarchy is None or self._buffers is None:
@@ -82,7 +83,8 @@ class Renderer:
         with self._timers.stage("resolve"):
             ground = self._ground(settings.ground_up)
             self._resolve.shade(targets, view, settings, has_colors=self._buffers.colors is not None, ground=ground)
-            self._ctx.copy_framebuffer(framebuffer, targets.picture)
+            self._ctx.copy_framebuffer(framebuffer, targets.picture_only)
+            self._leave(framebuffer)
         self._last = (cut, view, settings, framebuffer)
 
     def read_arrays(self) -> Frame:
@@ -102,7 +104,7 @@ class Renderer:
             draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
             eye_normal, depth = self._resolve.arrays(targets)
         finally:
-            framebuffer.use()
+            self._leave(framebuffer)
             targets.release()
         pixels = np.frombuffer(framebuffer.read(components=4), np.uint8).reshape(view.height, view.width, 4)
         coverage = np.ascontiguousarray(eye_normal[..., 3])
@@ -183,6 +185,13 @@ class Renderer:
             direction = np.asarray(up, np.float32) / np.linalg.norm(up)
             self._ground_heights[up] = float((self._hierarchy.leaves.positions @ direction).min())
         return self._ground_heights[up], self._hierarchy.bounds[1]
+
+    def _leave(self, framebuffer: moderngl.Framebuffer) -> None:
+        """Leave the caller's framebuffer bound, nothing enabled, and moderngl's own blending and depth functions."""
+        framebuffer.use()
+        self._ctx.enable_only(moderngl.NOTHING)
+        self._ctx.blend_func = moderngl.DEFAULT_BLENDING
+        self._ctx.depth_func = "<="
 
     def _release_passes(self) -> None:
         for each in self._passes.values():

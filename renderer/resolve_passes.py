@@ -19,8 +19,8 @@ UNITS = {"normal": 0, "color": 1, "depth": 2, "tint": 3}
 MATCAP_UNIT = 4
 
 
-# Depth in clip space of pixels that may lie in a crack: two steps of a 24-bit buffer before the far plane, where no model
-# reaches (clip_planes leaves a margin).
+# Depth in clip space of pixels that may lie in a crack: two steps of a 24-bit buffer before the far plane, where no
+# model reaches (clip_planes leaves a margin).
 MARKED = 1.0 - 4.0 / 2.0**24
 
 
@@ -102,8 +102,10 @@ class Resolve:
         return normal, depth
 
     def release(self) -> None:
-        for each in (*self._passes.values(), *self._matcaps.values()):
+        for each in self._passes.values():
             each.release()
+        for matcap in self._matcaps.values():
+            matcap.release()
         self._passes.clear()
         self._matcaps.clear()
 
@@ -116,7 +118,8 @@ class Resolve:
     def _bind(self, targets: Targets) -> dict[str, object]:
         for name, texture in targets.sums.items():
             texture.use(UNITS[name])
-        return {f"sum_{name}": UNITS[name] for name in targets.sums} | {"matcap": MATCAP_UNIT}
+        uniforms: dict[str, object] = {f"sum_{name}": UNITS[name] for name in targets.sums}
+        return uniforms | {"matcap": MATCAP_UNIT}
 
     def _matcap(self, name: str) -> moderngl.Texture:
         if name not in self._matcaps:

@@ -183,7 +183,7 @@ def draw_attributes(
     targets.attributes.depth_mask = False
     ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
     ctx.depth_func = "<="
-    ctx.blend_equation = moderngl.FUNC_ADD
+    ctx.blend_equation = moderngl.FUNC_ADD, moderngl.FUNC_ADD
     ctx.blend_func = moderngl.ONE, moderngl.ONE
     attributes.render(cut, uniforms)
     targets.attributes.depth_mask = True

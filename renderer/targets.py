@@ -35,8 +35,10 @@ class Targets:
         self.attributes = ctx.framebuffer(list(self.sums.values()), self.visible_depth)
         self._color = ctx.texture(size, 4)
         self.picture = ctx.framebuffer([self._color], self.visible_depth)
-        # The same sums without the depth buffer, to clear them and keep it.
+        # The same without the depth buffer: to clear the sums and keep it, and to copy the picture into framebuffers
+        # whose depth has another format, which OpenGL refuses to copy.
         self._sums_only = ctx.framebuffer(list(self.sums.values()))
+        self.picture_only = ctx.framebuffer([self._color])
 
     def location(self, name: str) -> int:
         """Return the colour attachment of a sum."""
@@ -53,7 +55,7 @@ class Targets:
         return width * height * (8 + sum(t.components * texel[t.dtype] for t in self.sums.values()))
 
     def release(self) -> None:
-        for framebuffer in (self.visibility, self.attributes, self.picture, self._sums_only):
+        for framebuffer in (self.visibility, self.attributes, self.picture, self._sums_only, self.picture_only):
             framebuffer.release()
         self.visible_depth.release()
         for texture in (self._color, *self.sums.values()):

@@ -7,11 +7,11 @@
 //       quad back along the view rays by an epsilon tied to the disc's own size (Botsch et al. 2005).
 #include "frame.glsl"
 #include "splat_record.glsl"
+#include "project.glsl"
 
 in uint in_splat;
 
 uniform mat4 eye_from_model;
-uniform mat4 clip_from_eye;
 uniform int silhouette_splats;  // the first instances are on the silhouette
 uniform float sink;             // times thickness: how far those are lowered
 
@@ -58,8 +58,9 @@ void main()
 #ifdef VISIBILITY
     float push = epsilon.x * splat.thickness + epsilon.y * splat.radius;
     // All corners by the same factor: a push by a length along each ray would bend the disc.
-    eye *= 1.0 + push / max(length(centre), push);
+    gl_Position = project_pushed(eye, 1.0 + push / max(length(centre), push));
 #else
+    gl_Position = project(eye);
     mat3 rotation = mat3(eye_from_model);
     v_o1 = rotation * o1;
     v_o2 = rotation * o2;
@@ -81,5 +82,4 @@ void main()
     if (show_silhouette && silhouette) v_tint = SILHOUETTE_TINT;
 #endif
 #endif
-    gl_Position = clip_from_eye * vec4(eye, 1.0);
 }

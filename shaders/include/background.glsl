@@ -1,4 +1,5 @@
-// What is behind the model: a vertical gradient, and a floor with a soft shadow where it is switched on. sRGB.
+// Role: what is behind the model: a vertical gradient, and a floor with a soft shadow where it is switched on. sRGB.
+// Source: none.
 uniform vec3 background_top;
 uniform vec3 background_bottom;
 #ifdef GROUND

@@ -1,4 +1,4 @@
-// Orthonormal frame (o1, o2, n) of a surfel: the twin of hierarchy/frames.py, which bakes the tiles with it.
+// Role: orthonormal frame (o1, o2, n) of a surfel: the twin of hierarchy/frames.py, which bakes the tiles with it.
 // Source: Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
 void tangents(vec3 n, out vec3 o1, out vec3 o2)
 {

@@ -1,4 +1,4 @@
-// Decode a hemi-octahedral normal: the twin of hierarchy/encoding.py.
+// Role: decode a hemi-octahedral normal: the twin of hierarchy/encoding.py.
 // Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
 vec3 decode_hemisphere(vec2 value)
 {

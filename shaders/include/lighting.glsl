@@ -1,4 +1,4 @@
-// Blinn-Phong of a headlight and a key light that is fixed to the eye, or a matcap. Linear colours.
+// Role: light a point: Blinn-Phong of a headlight and a key light that is fixed to the eye, or a matcap. Linear colours.
 // Source: Blinn, "Models of Light Reflection for Computer Synthesized Pictures", 1977.
 const vec3 KEY_DIRECTION = vec3(-0.48, 0.64, 0.60);  // over the left shoulder
 const vec3 HEADLIGHT = vec3(0.42);

@@ -1,4 +1,5 @@
-// Fetch a splat's record: the GLSL side of the numpy dtype SPLAT (hierarchy/hierarchy.py), two RGBA32F texels.
+// Role: fetch a splat's record: the GLSL side of the numpy dtype SPLAT, two RGBA32F texels.
+// Source: hierarchy/hierarchy.py.
 uniform sampler2D splat_records;
 
 struct Splat {

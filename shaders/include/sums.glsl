@@ -1,7 +1,8 @@
-// Read the sums of a pixel and close cracks: the resolve's side of include/accumulate.glsl.
-// Between discs of different heights a view from the side can open a crack of a pixel or three. A pixel that nothing
-// covers is in one where five of its eight neighbours are covered, and both sides within two pixels on three of the four
-// axes; it takes the sum of what is around it (cf. Pfister et al. 2000, section 7.2). Texels beyond the edge read as 0.
+// Role: read the sums of a pixel and close cracks: the resolve's side of include/accumulate.glsl.
+//       Between discs of different heights a view from the side can open a crack of a pixel or three. A pixel that
+//       nothing covers is in one where five of its eight neighbours are covered, and both sides within two pixels on
+//       three of the four axes; it takes the sum of what is around it. Texels beyond the edge count as uncovered.
+// Source: the reconstruction filter is that of Pfister et al., "Surfels", 2000, section 7.2, made local.
 uniform sampler2D sum_normal;
 #ifdef COLOR
 uniform sampler2D sum_color;
@@ -43,12 +44,19 @@ void add(inout Sums sums, Sums other)
     sums.tint += other.tint;
 }
 
-bool is_covered(ivec2 at) { return texelFetch(sum_normal, at, 0).w > 0.0; }
+// texelFetch is undefined beyond the edge.
+bool is_inside(ivec2 at)
+{
+    return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, textureSize(sum_normal, 0)));
+}
 
-// Tell whether an uncovered pixel may lie in a crack: a crack has three of four axes closed, so one of these two.
+bool is_covered(ivec2 at) { return is_inside(at) && texelFetch(sum_normal, at, 0).w > 0.0; }
+
+// Tell whether an uncovered pixel may lie in a crack: where five of eight neighbours are covered, one of these four is.
 bool may_be_crack(ivec2 at)
 {
-    return is_covered(at - ivec2(1, 0)) || is_covered(at + ivec2(1, 0)) || is_covered(at - ivec2(0, 1)) || is_covered(at + ivec2(0, 1));
+    return is_covered(at - ivec2(1, 0)) || is_covered(at + ivec2(1, 0)) ||
+           is_covered(at - ivec2(0, 1)) || is_covered(at + ivec2(0, 1));
 }
 
 // Tell whether an uncovered pixel lies in a crack, and return the sums of the pixels around it.
@@ -61,11 +69,12 @@ bool close_crack(ivec2 at, out Sums around)
     for (int axis = 0; axis < 4; ++axis) {
         int sides = 0;
         for (int side = -1; side <= 1; side += 2) {
-            Sums beside = fetch_sums(at + side * AXES[axis]);
-            if (beside.normal.w > 0.0) ++next;
-            else beside = fetch_sums(at + 2 * side * AXES[axis]);
-            if (beside.normal.w > 0.0) ++sides;
-            add(around, beside);
+            ivec2 beside = at + side * AXES[axis];
+            if (is_covered(beside)) ++next;
+            else beside += side * AXES[axis];
+            if (!is_covered(beside)) continue;
+            ++sides;
+            add(around, fetch_sums(beside));
         }
         if (sides == 2) ++closed;
     }

@@ -1,4 +1,4 @@
-// Colours of the overlays, rgb and opacity.
+// Role: colours of the overlays, rgb (sRGB) and opacity. Source: none.
 const vec4 SILHOUETTE_TINT = vec4(1.0, 0.32, 0.08, 0.75);
 const vec4 OUTLINE_TINT = vec4(0.05, 0.06, 0.10, 0.85);
 const vec3 TRIANGLE_LOD = vec3(0.72, 0.72, 0.74);
