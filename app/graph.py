@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import median_low
 
 from imgui_bundle import ImVec2, imgui
 
@@ -15,17 +16,19 @@ HEIGHT = 64.0
 # The axis ends at one of these times, in milliseconds, so that it does not tremble with every frame.
 AXIS_ENDS = (2.0, 5.0, 10.0, 20.0, 33.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
 
-# The mean of the last frames is shown, since single ones jump about.
-MEAN_OF = 10
+# The median of the last frames is shown: single ones jump about, and the first has to compile its shaders.
+MEDIAN_OF = 11
+# The axis has room for this share of the frames; the few that took far longer are cut off at the top.
+SHARE_SHOWN = 0.8
 
 
 def draw_graph(history: Sequence[FrameReport], scale: float) -> None:
     """Draw a stacked bar for each frame, the newest at the right, and the stages' times below."""
-    recent = list(history)[-MEAN_OF:]
-    mean = sum(frame.total for frame in recent) / len(recent) if recent else 0.0
-    imgui.text(f"{1e3 / mean:.0f} frames/s" if mean > 0.0 else "no frame yet")
+    recent = list(history)[-MEDIAN_OF:]
+    total = median_low(frame.total for frame in recent) if recent else 0.0
+    imgui.text(f"{1e3 / total:.0f} frames/s" if total > 0.0 else "no frame yet")
     imgui.same_line()
-    imgui.text_colored(as_vec4(DIM), f"{mean:.1f} ms" if mean > 0.0 else "")
+    imgui.text_colored(as_vec4(DIM), f"{total:.1f} ms" if total > 0.0 else "")
 
     draw_list = imgui.get_window_draw_list()
     left_top, width, height = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x, HEIGHT * scale
@@ -59,12 +62,13 @@ def _legend(recent: Sequence[FrameReport], scale: float) -> None:
         )
         imgui.dummy(ImVec2(side, 0.0))
         imgui.same_line()
-        mean = sum(frame.milliseconds[index] for frame in recent) / len(recent) if recent else 0.0
+        milliseconds = median_low(frame.milliseconds[index] for frame in recent) if recent else 0.0
         imgui.text(stage)
         imgui.same_line()
-        imgui.text_colored(as_vec4(DIM), f"{mean:.1f} ms")
+        imgui.text_colored(as_vec4(DIM), f"{milliseconds:.1f} ms")
 
 
 def _axis_end(history: Sequence[FrameReport]) -> float:
-    longest = max((sum(frame.milliseconds) for frame in history), default=0.0)
+    times = sorted(sum(frame.milliseconds) for frame in history)
+    longest = times[int(SHARE_SHOWN * (len(times) - 1))] if times else 0.0
     return next((end for end in AXIS_ENDS if end >= longest), longest)

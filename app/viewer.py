@@ -137,6 +137,7 @@ class Viewer:
             self._forget_wish()
         else:
             if self._opens:
+                self.state.history.clear()
                 self._frame(scene, resolution)
                 for warning in scene.hierarchy.warnings:
                     self.state.say(warning)

@@ -70,9 +70,9 @@ class Frame:
 class Window:
     """A running program, its virtual mouse and keyboard, and what it says on standard error."""
 
-    def __init__(self, display: str, folder: Path, *arguments: str) -> None:
+    def __init__(self, display: str, folder: Path, *arguments: str, **environment: str) -> None:
         self.display, self.folder = display, folder
-        self.environment = {**os.environ, "DISPLAY": display}
+        self.environment = {**os.environ, "DISPLAY": display, **environment}
         self.frames: list[Frame] = []
         self.lines, self.idle = 0, False
         self.complaints: list[str] = []
@@ -388,6 +388,20 @@ def test_dropped_file_opens(window, models):
     subprocess.run(drop, env=window.environment, check=True)
     window.wait_until_idle(lines=1, frames=before + 1)
     assert window.frames[-1].primitives <= 24 * 12 * 2
+
+
+def test_file_dialog_of_the_system(display, models, tmp_path):
+    """Where there is a program for dialogs, it is asked; this one always answers with the same file."""
+    dialog = tmp_path / "zenity"
+    dialog.write_text(f"#!/bin/sh\necho {models / 'torus.ply'}\n")
+    dialog.chmod(0o755)
+    window = Window(display, models, "coarse.ply", PATH=f"{tmp_path}:{os.environ['PATH']}")
+    try:
+        window.wait_until_idle(lines=1, frames=2)
+        assert window.do("mousemove", *MIDDLE, "key", "ctrl+o").primitives > 24 * 12 * 2
+        assert window.complaints == []
+    finally:
+        window.close()
 
 
 def test_window_can_be_resized_and_closed(display, models):
