@@ -43,27 +43,29 @@ def _mean_normal(normals, areas, begin, end, axis, out):  # type: ignore[no-unty
 @nb.njit(cache=True, nogil=True)
 def enclosing_circle(points, circle):  # type: ignore[no-untyped-def]
     """Write x, y and squared radius of the smallest circle around float64 points (N, 2), N >= 1, to circle."""
-    support = np.empty((4, 2), np.float64)
-    support[0, 0] = circle[0] = points[0, 0]
-    support[0, 1] = circle[1] = points[0, 1]
-    circle[2] = 0.0
+    # Relative to the first point: points that are nearly identical then keep their digits.
+    ox, oy = points[0, 0], points[0, 1]
+    support = np.zeros((4, 2), np.float64)
+    circle[:] = 0.0
     count = 1
     for _ in range(MAX_PASSES):
         farthest, largest = -1, -1.0
         for i in range(len(points)):
-            dx, dy = points[i, 0] - circle[0], points[i, 1] - circle[1]
+            dx, dy = points[i, 0] - ox - circle[0], points[i, 1] - oy - circle[1]
             d2 = dx * dx + dy * dy
             if d2 > largest:
                 largest, farthest = d2, i
         if largest <= circle[2] * (1.0 + 4.0 * INSIDE):
             break
-        support[count, 0], support[count, 1] = points[farthest, 0], points[farthest, 1]
+        support[count, 0], support[count, 1] = points[farthest, 0] - ox, points[farthest, 1] - oy
         count = circle_with_pivot(support, count + 1, circle)
         if count > 3:
             # Rounding left no circle through the pivot that holds the old support: keep the centre, grow.
             count = 3
             circle[2] = largest
     # The measured maximum, not the support's: nothing may stick out by rounding.
+    circle[0] += ox
+    circle[1] += oy
     circle[2] = max(circle[2], largest)
 
 

@@ -35,7 +35,8 @@ def _circle_holds(points, count, x, y, r2):  # type: ignore[no-untyped-def]
 def circle_with_pivot(support, count, circle):  # type: ignore[no-untyped-def]
     """Find the smallest circle around `count` support points, the last of which lies on it.
 
-    support : float64 (4, 2), the first `count` rows are in use, 2..4; reordered: the new support comes first
+    support : float64 (4, 2), the first `count` rows are in use, 2..4; reordered: the new support comes first. Taken
+        relative to a point close by, so that coordinates are about as small as the circle.
     circle : float64 (3,), receives x, y and the squared radius
     Returns the new number of support points.
     """
