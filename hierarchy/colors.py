@@ -21,7 +21,9 @@ def splat_colors(octree: Octree, shapes: LeafShapes, leaves: Leaves) -> UInt8Arr
     else:
         leaf_colors = leaves.colors.astype(np.float32)
     # Sums over contiguous ranges are differences of one running sum; float64 holds 2^53 grey levels exactly enough.
-    weights = np.maximum(shapes.areas.astype(np.float64), 1e-12 * float(shapes.areas.max(initial=1.0)))
+    largest = float(shapes.areas.max())
+    # Where no primitive has an area all count alike.
+    weights = np.maximum(shapes.areas.astype(np.float64), 1e-12 * largest) if largest > 0.0 else np.ones(len(leaves))
     running = np.zeros((len(leaf_colors) + 1, 5))
     np.cumsum(leaf_colors * weights[:, None], axis=0, out=running[1:, :4])
     np.cumsum(weights, out=running[1:, 4])
