@@ -2,7 +2,7 @@
 
 Based on Botsch et al., "High-Quality Surface Splatting on Today's GPUs" (2005), the three passes, and Botsch et al.,
 "Phong Splatting" (2004), eq. 6, the exact ray-disc intersection. What a renderer may choose is a parameter here: the
-kernel, the epsilons, the weight of triangles, what sides are drawn and what coverage means.
+kernel, the epsilons, the weight of triangles, what sides are drawn, whether cracks are closed and what coverage means.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ class Discs:
     """Splats in model space.
 
     centres, normals : (N, 3), normals unit
-    radii, epsilons : (N,), epsilons the lengths by which the visibility pass pushes back
+    radii, epsilons : (N,), epsilons the lengths by which the visibility pass pushes the centres back; the whole disc
+        is scaled about the eye, so that it stays plane and covers the same pixels
     o1, o2 : (N, 3), unit tangents, for the tiles' coordinates
     tile_normals : the normal at a point of a disc; None for the discs' own normals
     """
@@ -46,7 +47,12 @@ class Discs:
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Leaf triangles in model space: corners and corner_normals (M, 3, 3), epsilons (M,), one weight for all."""
+    """Leaf triangles in model space.
+
+    corners, corner_normals : (M, 3, 3), [triangle, corner, axis]
+    epsilons : (M,), the shares of their distance from the eye by which the visibility pass pushes back
+    weight : of every fragment
+    """
 
     corners: Float64Array
     corner_normals: Float64Array
@@ -77,7 +83,10 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Fragments:
-    """One primitive's fragments: which pixels (H, W), and for these depth, pushed depth, weight (K,), normal (K, 3)."""
+    """One primitive's fragments: which pixels (H, W), and for these depth, pushed depth, weight (K,), normal (K, 3).
+
+    Where only the pushed-back primitive lies beyond the near plane the weight is 0.
+    """
 
     mask: BoolArray
     depth: Float64Array
@@ -98,19 +107,24 @@ def render(
     kernel: Kernel,
     *,
     cull_back_faces: bool = False,
+    close_cracks: bool = False,
+    offset: tuple[float, float] = (0.0, 0.0),
     coverage: Callable[[Float64Array], Float64Array] = drawn_or_not,
 ) -> Picture:
-    """Draw discs and triangles by the three passes, at the pixels' centres.
+    """Draw discs and triangles by the three passes.
 
     cull_back_faces : leave out discs and triangles whose front is not turned to the eye
+    close_cracks : fill uncovered pixels that lie between covered ones (`cracks`)
+    offset : where in a pixel, right and down from its centre, it is sampled
     coverage : from the sum of weights (H, W)
     """
     shape = (view.height, view.width)
+    rays = pixel_rays(view, offset)
     fragments: list[Fragments] = []
     if discs is not None:
-        fragments += _disc_fragments(view, discs, kernel, cull_back_faces)
+        fragments += _disc_fragments(view, rays, discs, kernel, cull_back_faces)
     if triangles is not None:
-        fragments += _triangle_fragments(view, triangles, cull_back_faces)
+        fragments += _triangle_fragments(view, rays, triangles, cull_back_faces)
 
     # Pass 1, visibility: the nearest pushed-back depth.
     visibility = np.full(shape, np.inf)
@@ -127,7 +141,10 @@ def render(
         weight[part.mask] += passed
         margin[part.mask] = np.minimum(margin[part.mask], np.abs(part.depth - visibility[part.mask]))
 
-    # Pass 3, resolve: divide and normalise.
+    # Pass 3, resolve: close cracks, divide and normalise.
+    if close_cracks:
+        crack, around = cracks(np.concatenate([normal, depth[..., None], weight[..., None]], axis=-1))
+        normal[crack], depth[crack], weight[crack] = around[crack, :3], around[crack, 3], around[crack, 4]
     drawn = weight > 0.0
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
@@ -135,10 +152,39 @@ def render(
     return Picture(normal, depth, coverage(weight), weight, visibility, margin)
 
 
-def pixel_rays(view: View) -> Float64Array:
-    """Return eye-space directions (H, W, 3) through the pixels' centres, z = -1."""
-    x = (np.arange(view.width) + 0.5 - 0.5 * view.width) / view.focal_pixels
-    y = (0.5 * view.height - np.arange(view.height) - 0.5) / view.focal_pixels
+def cracks(sums: Float64Array) -> tuple[BoolArray, Float64Array]:
+    """Find the pixels that lie in a crack, bool (H, W), and what surrounds them.
+
+    sums : (H, W, C), the last of them the sum of weights; the second result is of the same shape
+    An uncovered pixel is in a crack where five of its eight neighbours are covered, and both sides within two pixels on
+    three of four axes. It takes the sum of the first covered pixels on all eight sides.
+    """
+    height, width, _ = sums.shape
+    padded = np.pad(sums, ((2, 2), (2, 2), (0, 0)))
+    around = np.zeros_like(sums)
+    closed, next_to = np.zeros((height, width), np.intp), np.zeros((height, width), np.intp)
+    for down, right in ((0, 1), (1, 0), (1, 1), (-1, 1)):
+        sides = np.zeros((height, width), np.intp)
+        for side in (-1, 1):
+            first, second = (
+                padded[2 + k * down : 2 + k * down + height, 2 + k * right : 2 + k * right + width]
+                for k in (side, 2 * side)
+            )
+            beside = np.where(first[..., -1:] > 0.0, first, second)
+            around += beside
+            sides += beside[..., -1] > 0.0
+            next_to += first[..., -1] > 0.0
+        closed += sides == 2
+    return (sums[..., -1] <= 0.0) & ((closed == 4) | ((closed == 3) & (next_to >= 5))), around
+
+
+def pixel_rays(view: View, offset: tuple[float, float] = (0.0, 0.0)) -> Float64Array:
+    """Return eye-space directions (H, W, 3) through the pixels, z = -1.
+
+    offset : right and down from the pixels' centres, in pixels
+    """
+    x = (np.arange(view.width) + 0.5 + offset[0] - 0.5 * view.width) / view.focal_pixels
+    y = (0.5 * view.height - np.arange(view.height) - 0.5 - offset[1]) / view.focal_pixels
     grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
     return np.stack([grid_x, grid_y, np.full_like(grid_x, -1.0)], axis=-1)
 
@@ -156,15 +202,10 @@ def bilinear_tile(tile: Float64Array, u: Float64Array, v: Float64Array) -> Float
     return mixed
 
 
-def _pushed_depth(points: Float64Array, epsilon: float) -> Float64Array:
-    """Return the depth of eye-space points (K, 3) moved away from the eye by a length epsilon along their rays."""
-    pushed: Float64Array = -points[:, 2] * (1.0 + epsilon / np.linalg.norm(points, axis=1))
-    return pushed
-
-
-def _disc_fragments(view: View, discs: Discs, kernel: Kernel, cull_back_faces: bool) -> Iterator[Fragments]:
+def _disc_fragments(
+    view: View, rays: Float64Array, discs: Discs, kernel: Kernel, cull_back_faces: bool
+) -> Iterator[Fragments]:
     """Yield the fragments of each disc: where the ray meets its plane within its radius (Phong Splatting eq. 6)."""
-    rays = pixel_rays(view)
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
     for i, radius in enumerate(discs.radii):
         centre, normal = rotation @ discs.centres[i] + translation, rotation @ discs.normals[i]
@@ -174,7 +215,9 @@ def _disc_fragments(view: View, discs: Discs, kernel: Kernel, cull_back_faces: b
         parameter = np.divide(np.dot(centre, normal), slope, out=np.zeros_like(slope), where=slope != 0.0)
         points = rays * parameter[..., None]
         rho2 = ((points - centre) ** 2).sum(axis=-1) / radius**2
-        mask = (rho2 <= 1.0) & (parameter >= view.near) & (parameter <= view.far)
+        epsilon = float(discs.epsilons[i])
+        factor = 1.0 + epsilon / max(float(np.linalg.norm(centre)), epsilon, np.finfo(np.float64).tiny)
+        mask = (rho2 <= 1.0) & (factor * parameter >= view.near) & (parameter <= view.far)
         if not mask.any():
             continue
         hit = points[mask]
@@ -183,13 +226,15 @@ def _disc_fragments(view: View, discs: Discs, kernel: Kernel, cull_back_faces: b
             normals = np.broadcast_to(discs.normals[i], hit.shape)
         else:
             normals = discs.tile_normals(i, offset @ discs.o1[i], offset @ discs.o2[i])
-        pushed = _pushed_depth(hit, float(discs.epsilons[i]))
-        yield Fragments(mask, parameter[mask], pushed, kernel(rho2[mask]), normals)
+        depth = parameter[mask]
+        weight = np.where(depth >= view.near, kernel(rho2[mask]), 0.0)
+        yield Fragments(mask, depth, factor * depth, weight, normals)
 
 
-def _triangle_fragments(view: View, triangles: Triangles, cull_back_faces: bool) -> Iterator[Fragments]:
+def _triangle_fragments(
+    view: View, rays: Float64Array, triangles: Triangles, cull_back_faces: bool
+) -> Iterator[Fragments]:
     """Yield the fragments of each triangle: where the ray's barycentric coordinates are not negative."""
-    rays = pixel_rays(view)
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
     for corners, normals, epsilon in zip(triangles.corners, triangles.corner_normals, triangles.epsilons, strict=True):
         a, b, c = corners @ rotation.T + translation
@@ -202,12 +247,13 @@ def _triangle_fragments(view: View, triangles: Triangles, cull_back_faces: bool)
         sides = np.stack([rays @ np.cross(b, c), rays @ np.cross(c, a), rays @ np.cross(a, b)], axis=-1) / height
         total = sides.sum(axis=-1)
         parameter = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0.0)
-        mask = (sides >= 0.0).all(axis=-1) & (parameter >= view.near) & (parameter <= view.far)
+        factor = 1.0 + float(epsilon)
+        mask = (sides >= 0.0).all(axis=-1) & (factor * parameter >= view.near) & (parameter <= view.far)
         if not mask.any():
             continue
         depth = parameter[mask]
         weights = sides[mask] * depth[:, None]
         shading = weights @ normals
         shading = shading / np.linalg.norm(shading, axis=1, keepdims=True)
-        pushed = _pushed_depth(rays[mask] * depth[:, None], float(epsilon))
-        yield Fragments(mask, depth, pushed, np.full(depth.shape, triangles.weight), shading)
+        weight = np.where(depth >= view.near, triangles.weight, 0.0)
+        yield Fragments(mask, depth, factor * depth, weight, shading)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from numpy_renderer import Discs, Picture, Triangles, bilinear_tile, pixel_rays, render
+from numpy_renderer import Discs, Picture, Triangles, bilinear_tile, cracks, pixel_rays, render
 
 from hierarchy.view import look_at
 
@@ -62,13 +62,20 @@ def test_hits_of_a_tilted_disc_lie_on_it_and_fill_its_solid_angle() -> None:
     assert (depth**2 / slope).sum() / OBLIQUE.focal_pixels**2 == pytest.approx(math.pi * 0.49, rel=0.02)
 
 
-def test_epsilon_lengthens_the_ray() -> None:
+def test_epsilon_moves_the_centre_by_its_length_and_keeps_the_disc_plane() -> None:
     picture = render(OBLIQUE, discs([[0, 0, 0]], [[0.3, 0.2, 1]], [0.8], epsilon=0.25), None, bell)
     drawn = picture.coverage == 1.0
-    ray_length = np.linalg.norm(pixel_rays(OBLIQUE), axis=-1)
-    # Depth is the length along the ray over |ray|, |z| of the ray being 1.
-    assert np.allclose(picture.visibility[drawn], picture.depth[drawn] + 0.25 / ray_length[drawn])
-    assert np.allclose(picture.margin[drawn], 0.25 / ray_length[drawn])
+    distance = np.linalg.norm(OBLIQUE.eye)
+    assert np.allclose(picture.visibility[drawn], picture.depth[drawn] * (distance + 0.25) / distance)
+    assert np.allclose(picture.margin[drawn], picture.depth[drawn] * 0.25 / distance)
+
+
+def test_what_only_the_pushed_disc_shows_hides_but_is_not_drawn() -> None:
+    near = dataclasses.replace(VIEW, near=3.95)
+    # 4 - 0.1 lies before the near plane, pushed by 0.1 beyond it; the disc behind has no epsilon.
+    pair = discs([[0, 0, 0.1], [0, 0, -1]], [[0, 0, 1], [0, 0, 1]], [1.0, 1.0])
+    assert not render(near, pair, None, bell).coverage[32, 32]
+    assert render(near, dataclasses.replace(pair, epsilons=np.array([0.0, 0.1])), None, bell).coverage[32, 32] == 1.0
 
 
 def test_overlapping_discs_are_blended_by_their_kernels() -> None:
@@ -156,6 +163,49 @@ def test_edge_on_and_clipped_discs_draw_nothing() -> None:
     assert render(VIEW, floor, None, bell).depth.min() < 2.9
 
 
+def test_a_crack_takes_the_mean_of_what_is_beside_it() -> None:
+    sums = np.ones((9, 9, 2)) * [3.0, 1.0]
+    sums[:, 4] = 0.0
+    sums[:, 5:, 0] = 5.0
+    crack, around = cracks(sums)
+    # A column one pixel wide: across it and on both diagonals it is closed. At its ends the diagonals are open.
+    assert crack[1:-1, 4].all()
+    assert crack.sum() == 7
+    assert np.allclose(around[1:-1, 4, 0] / around[1:-1, 4, 1], 4.0)
+
+
+def test_what_is_wide_or_open_is_no_crack() -> None:
+    wide = np.ones((9, 9, 1))
+    wide[:, 3:6] = 0.0
+    assert not cracks(wide)[0].any()
+    bay = np.ones((9, 9, 1))
+    bay[:4, 4] = 0.0
+    bay[:3, 3] = bay[:3, 5] = 0.0
+    assert not cracks(bay)[0][:2].any()
+    hole = np.ones((9, 9, 1))
+    hole[4, 4] = hole[4, 5] = 0.0
+    assert np.argwhere(cracks(hole)[0]).tolist() == [[4, 4], [4, 5]]
+
+
+def test_a_crack_between_discs_is_closed_in_the_picture() -> None:
+    # A gap from pixel 32.1 to 32.9: one column is open.
+    pair = discs([[0.005 - 1, 0, 0], [0.045 + 1, 0, 0]], [[-0.6, 0, 0.8], [0.6, 0, 0.8]], [1.0, 1.0])
+    flat = dataclasses.replace(pair, normals=np.array([[0.0, 0, 1], [0, 0, 1]]))
+    shaded = dataclasses.replace(flat, tile_normals=lambda i, u, _: np.broadcast_to(pair.normals[i], (len(u), 3)))
+    open_picture, closed = (render(VIEW, shaded, None, constant, close_cracks=close) for close in (False, True))
+    filled = (closed.coverage == 1.0) & (open_picture.coverage == 0.0)
+    assert filled.any()
+    assert np.allclose(closed.depth[filled], 4.0)
+    assert (np.abs(closed.normal[filled, 0]) < 0.59).any()  # blended, not one side's own
+    assert np.array_equal(closed.normal[~filled], open_picture.normal[~filled])
+
+
+def test_an_offset_moves_where_pixels_are_sampled() -> None:
+    one = discs([[0.3, -0.2, 0]], [[0.2, 0.1, 1]], [1.1])
+    centred, moved = render(VIEW, one, None, bell), render(VIEW, one, None, bell, offset=(1.0, -2.0))
+    assert np.allclose(moved.weight[2:, :-1], centred.weight[:-2, 1:])
+
+
 def test_coverage_is_what_the_caller_makes_of_the_weights() -> None:
     one = discs([[0, 0, 0]], [[0, 0, 1]], [1.0])
     picture = render(VIEW, one, None, bell, coverage=lambda weight: np.minimum(weight, 1.0))
@@ -182,7 +232,7 @@ def terrain() -> Triangles:
     normals = rng.normal(size=(162, 3)) * 0.4 + [0, 0, 1]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     faces = np.concatenate([faces, faces + 81])
-    return Triangles(positions[faces], normals[faces], np.full(len(faces), 0.01))
+    return Triangles(positions[faces], normals[faces], np.full(len(faces), 0.003))
 
 
 def test_triangles_agree_with_rays(terrain: Triangles) -> None:

@@ -1,0 +1,245 @@
+"""Small pictures against the plain numpy renderer with the same equations.
+
+Rasterisers place corners on a grid of 1/256 pixel, so where a shift of the picture by that little changes what numpy
+draws, or where a fragment is about as deep as the visible surface, rounding decides: those pixels are not compared.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy_renderer import Discs, Picture, bilinear_tile, render
+from numpy_renderer import Triangles as NumpyTriangles
+
+from benchmarks.error import angle_degrees
+from hierarchy.build import build_hierarchy
+from hierarchy.encoding import decode_hemisphere
+from hierarchy.frames import tangents
+from hierarchy.hierarchy import SPLAT, Hierarchy
+from hierarchy.kernel import SHARPNESS
+from hierarchy.leaves import Triangles
+from hierarchy.lod import Cut
+from hierarchy.model import PointCloud
+from hierarchy.normal_tiles import LAYER_SIZE, NormalTiles, bake_tiles
+from hierarchy.view import View, look_at
+from renderer.frame import Frame
+from renderer.settings import Settings
+from renderer.splat_passes import EPSILON, GROW, SINK
+
+Draw = Callable[..., tuple[Frame, Cut]]
+
+# Bounds. Sums in half floats keep 11 bits: 0.03 degrees for one addition, and some ten of them meet in a pixel.
+NORMAL_DEGREES = 0.1
+# Texture filters have 8 bits between two texels, and llvmpipe gives bytes again: twice what the encoding itself loses
+# (0.24 degrees in the mean, 0.55 at worst).
+TILE_MEAN_DEGREES, TILE_P95_DEGREES, TILE_MAX_DEGREES = 0.3, 0.5, 1.1
+# Of the depth, besides what the shift by SHIFT changes.
+DEPTH_RELATIVE = 2e-5
+# Pixels; and share of the depth by which fragments must clear the visible surface.
+SHIFT = 1.0 / 256.0
+CLEAR = 1e-4
+# Pixels of a picture that may differ all the same: rims that none of four shifts crosses. There are none today.
+OUTLIERS = 2
+
+
+def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View) -> Discs:
+    """Return the splats of a cut as the equations of the passes have them."""
+    splats = hierarchy.splats[cut.splats]
+    normals, radii = splats["normal"].astype(np.float64), splats["radius"].astype(np.float64)
+    thickness = splats["thickness"].astype(np.float64)
+    sink = np.where(np.arange(len(splats)) < cut.silhouette_splats, SINK * thickness, 0.0)
+    frames = np.array([tangents(*normal) for normal in normals]).reshape(-1, 6)
+    o1, o2 = frames[:, :3], frames[:, 3:]
+
+    def tile_normals(i: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        node = int(cut.splats[i])
+        if tiles is None or node >= tiles.count:
+            return np.broadcast_to(normals[i], (len(u), 3))
+        local = decode_hemisphere(bilinear_tile(tiles.normal_codes(node).astype(np.float64), u, v))
+        return local @ np.stack([o1[i], o2[i], normals[i]])
+
+    centres = splats["centre"] - sink[:, None] * normals
+    depths = -(centres @ view.eye_from_model[2, :3] + view.eye_from_model[2, 3])
+    return Discs(
+        centres,
+        normals,
+        radii + GROW * np.maximum(depths, 0.0) / view.focal_pixels,
+        EPSILON[0] * thickness + EPSILON[1] * radii,
+        o1,
+        o2,
+        tile_normals,
+    )
+
+
+def numpy_picture(
+    hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, offset: tuple[float, float] = (0.0, 0.0)
+) -> Picture:
+    triangles, leaves = None, hierarchy.leaves
+    if isinstance(leaves, Triangles):
+        corners, normals = (array[cut.indices].astype(np.float64) for array in (leaves.positions, leaves.normals))
+        triangles = NumpyTriangles(corners, normals, np.full(len(corners), 1.0 / view.focal_pixels))
+    return render(
+        view,
+        numpy_discs(hierarchy, tiles, cut, view),
+        triangles,
+        lambda rho2: np.exp(-SHARPNESS * rho2),
+        close_cracks=True,
+        offset=offset,
+    )
+
+
+def assert_same(
+    frame: Frame, hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, compared: float = 0.9
+) -> Picture:
+    """Compare a frame with numpy's at the pixels where rounding decides nothing; at least this share of them all."""
+    picture = numpy_picture(hierarchy, tiles, cut, view)
+    drawn = picture.coverage > 0.0
+    stable = np.where(drawn, picture.margin > CLEAR * np.where(drawn, picture.depth, 1.0), True)
+    bound = np.where(drawn, DEPTH_RELATIVE * picture.depth, 0.0)
+    for offset in ((SHIFT, SHIFT), (SHIFT, -SHIFT), (-SHIFT, SHIFT), (-SHIFT, -SHIFT)):
+        shifted = numpy_picture(hierarchy, tiles, cut, view, offset)
+        both = drawn & (shifted.coverage > 0.0)
+        turned = both & (angle_degrees(shifted.normal, picture.normal) > 0.25)
+        stable &= (drawn == (shifted.coverage > 0.0)) & ~turned
+        bound[both] += np.abs(shifted.depth[both] - picture.depth[both])
+    assert drawn.sum() > 40
+    assert stable[drawn].mean() > compared
+    assert (frame.coverage != picture.coverage)[stable].sum() <= OUTLIERS
+    here = stable & drawn & (frame.coverage > 0.0)
+    degrees = angle_degrees(frame.normal[here], picture.normal[here])
+    if tiles is not None:
+        assert degrees.mean() < TILE_MEAN_DEGREES
+        assert np.percentile(degrees, 95) < TILE_P95_DEGREES
+    assert (degrees > (NORMAL_DEGREES if tiles is None else TILE_MAX_DEGREES)).sum() <= OUTLIERS
+    assert (np.abs(frame.depth[here] - picture.depth[here]) > bound[here]).sum() <= OUTLIERS
+    return picture
+
+
+def around(direction: tuple[float, float, float], hierarchy: Hierarchy, distance: float = 3.2) -> View:
+    centre, radius = hierarchy.bounds
+    eye = centre + distance * radius * np.asarray(direction) / np.linalg.norm(direction)
+    return look_at(eye, centre, (0.1, 1, 0), 0.7, (56, 52), bounds=hierarchy.bounds)
+
+
+@pytest.mark.parametrize("tiled", [True, False], ids=["tiles", "no tiles"])
+@pytest.mark.parametrize("radii", [(1.0, 4.0), (2.0, 6.0)], ids=["fine", "coarse"])
+def test_a_hybrid_hierarchy(
+    draw: Draw, meteoroid: tuple[Hierarchy, NormalTiles], radii: tuple[float, float], tiled: bool
+) -> None:
+    hierarchy, tiles = meteoroid[0], meteoroid[1] if tiled else None
+    view = around((1, 2, 3), hierarchy)
+    frame, cut = draw(view, hierarchy, tiles, None, *radii)
+    assert min(cut.silhouette_splats, cut.splat_count - cut.silhouette_splats, cut.triangle_count) > 10
+    assert_same(frame, hierarchy, tiles, cut, view)
+
+
+@pytest.fixture(scope="module")
+def torus() -> tuple[Hierarchy, NormalTiles]:
+    """A point hierarchy over a torus, whose far side is seen through the hole and drawn from behind."""
+    u, v = (part.ravel() for part in np.meshgrid(np.arange(48) / 48, np.arange(18) / 18, indexing="ij"))
+    u, v = 2.0 * np.pi * (u + 0.02 * np.sin(40 * v)), 2.0 * np.pi * v
+    normals = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=1)
+    positions = 0.4 * normals + np.stack([np.cos(u), np.sin(u), np.zeros_like(u)], axis=1)
+    cloud = PointCloud(
+        "torus",
+        np.zeros(3),
+        positions.astype(np.float32),
+        normals.astype(np.float32),
+        np.full(len(u), 0.12, np.float32),
+    )
+    hierarchy = build_hierarchy(cloud)
+    return hierarchy, bake_tiles(hierarchy, 16)
+
+
+@pytest.mark.parametrize("tiled", [True, False], ids=["tiles", "no tiles"])
+@pytest.mark.parametrize("direction", [(0, 0.2, 1), (0, 1, 0.3)], ids=["through", "across"])
+def test_a_point_hierarchy(
+    draw: Draw, torus: tuple[Hierarchy, NormalTiles], direction: tuple[float, float, float], tiled: bool
+) -> None:
+    hierarchy, tiles = torus[0], torus[1] if tiled else None
+    view = around(direction, hierarchy, 2.5)
+    frame, cut = draw(view, hierarchy, tiles, None, 2.5, 8.0)
+    leaf_splats = int((cut.splats >= hierarchy.node_count).sum())
+    assert min(leaf_splats, cut.splat_count - leaf_splats) > 10
+    assert_same(frame, hierarchy, tiles, cut, view)
+
+
+def test_normal_mapping_can_be_switched_off(draw: Draw, meteoroid: tuple[Hierarchy, NormalTiles]) -> None:
+    hierarchy, tiles = meteoroid
+    view = around((-1, 0.5, 1), hierarchy)
+    frame, cut = draw(view, hierarchy, tiles, Settings(normal_mapping=False), 2.0, 6.0)
+    assert_same(frame, hierarchy, None, cut, view)
+
+
+def by_hand(centres: object, normals: object, radii: object, thickness: object = 0.0) -> tuple[Hierarchy, NormalTiles]:
+    """Return a hierarchy whose splats are these, and random tiles for all but the last."""
+    centres, normals = np.asarray(centres, np.float32), np.asarray(normals, np.float64)
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    radii = np.broadcast_to(np.asarray(radii, np.float32), len(centres)).copy()
+    cloud = PointCloud("by hand", np.zeros(3), centres, normals, radii)
+    splats = np.zeros(len(centres), SPLAT)
+    splats["centre"], splats["normal"], splats["radius"], splats["thickness"] = centres, normals, radii, thickness
+    tiles = NormalTiles(4, len(splats) - 1, np.zeros((1, LAYER_SIZE, LAYER_SIZE, 2), np.uint8), None)
+    tiles.normals[:] = np.random.default_rng(7).integers(48, 208, tiles.normals.shape)
+    return dataclasses.replace(build_hierarchy(cloud), splats=splats), tiles
+
+
+def cut_of(hierarchy: Hierarchy, silhouette: int = 0) -> Cut:
+    count = len(hierarchy.splats)
+    return Cut(np.arange(count, dtype=np.uint32), np.empty((0, 3), np.uint32), silhouette, 0, count)
+
+
+@pytest.mark.parametrize("tiled", [True, False], ids=["tiles", "no tiles"])
+@pytest.mark.parametrize("degrees", [0, 30, 60, 75, 85, 89, 90])
+def test_tilted_discs_in_perspective(draw: Draw, degrees: float, tiled: bool) -> None:
+    tilt = math.radians(degrees)
+    # Tilted about x, as tilted about a diagonal, and aside, where perspective turns it back.
+    normals = [[0, math.sin(tilt), math.cos(tilt)], [0.7 * math.sin(tilt), -0.7 * math.sin(tilt), math.cos(tilt)]]
+    hierarchy, tiles = by_hand([[-0.5, 0.7, 0], [-0.4, -0.6, 0.2], [0.8, 0.1, -0.3]], [*normals, normals[0]], 0.6, 0.02)
+    view = look_at((0.1, 0.05, 2.2), (0.1, 0, 0), (0, 1, 0), 1.1, (64, 64), bounds=hierarchy.bounds)
+    frame, cut = draw(view, hierarchy, tiles if tiled else None, cut=cut_of(hierarchy, 1))
+    # Edge-on a disc is thinner than a pixel, and its tile runs past in a fraction of one.
+    assert_same(frame, hierarchy, tiles if tiled else None, cut, view, 0.9 if degrees < 80 else 0.4)
+
+
+def test_discs_that_cross_the_near_plane_and_the_eye(draw: Draw) -> None:
+    # A floor that reaches behind the eye, a wall through the near plane, and a disc beside it.
+    centres, normals = [[0, -0.4, 0], [0.5, 0, 1.4], [-0.6, 0.3, 0]], [[0, 1, 0], [1, 0.2, 0.1], [0, 0, 1]]
+    hierarchy, tiles = by_hand(centres, normals, [3.0, 0.7, 0.4])
+    view = look_at((0, 0, 2), (0, 0, 0), (0, 1, 0), 1.6, (64, 64), bounds=hierarchy.bounds)
+    view = dataclasses.replace(view, near=0.5, far=8.0)
+    frame, cut = draw(view, hierarchy, tiles, cut=cut_of(hierarchy))
+    picture = assert_same(frame, hierarchy, tiles, cut, view)
+    assert picture.depth.min() < 0.55
+
+
+@pytest.mark.parametrize("thickness", [0.0, 0.03])
+def test_overlapping_sheets_are_kept_apart_by_epsilon(draw: Draw, thickness: float) -> None:
+    rng = np.random.default_rng(11)
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)))
+    # Sheets 0.02 (always blended), 0.1 (blended with thickness) and 0.5 apart.
+    centres = np.concatenate([np.stack([x, y, z + 0.01 * rng.normal(size=81)], 1) for z in (0, -0.02, -0.1, -0.6)])
+    normals = rng.normal(size=(324, 3)) * 0.15 + [0, 0, 1]
+    hierarchy, tiles = by_hand(centres, normals, 0.22, thickness)
+    view = look_at((0.8, 0.6, 3), (0, 0, -0.2), (0, 1, 0), 0.8, (64, 64), bounds=hierarchy.bounds)
+    frame, cut = draw(view, hierarchy, tiles, cut=cut_of(hierarchy, 160))
+    picture = assert_same(frame, hierarchy, tiles, cut, view, 0.6)
+    front = (picture.coverage > 0.0) & (picture.visibility < 3.3)
+    assert front.sum() > 500
+
+
+def test_cracks_are_closed(draw: Draw) -> None:
+    # Rows of discs that leave gaps of about a pixel between them.
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(-1, 1, 12), np.linspace(-1, 1, 12)))
+    normals = np.stack([0.4 * x, 0.4 * y, np.ones_like(x)], axis=1)
+    hierarchy, tiles = by_hand(np.stack([x, y, 0 * x], 1), normals, 0.115)
+    view = look_at((0.2, 0.1, 3), (0, 0, 0), (0, 1, 0), 0.75, (64, 64), bounds=hierarchy.bounds)
+    frame, cut = draw(view, hierarchy, tiles, cut=cut_of(hierarchy))
+    picture = assert_same(frame, hierarchy, tiles, cut, view)
+    filled = (picture.coverage > 0.0) & np.isinf(picture.visibility)
+    assert filled.sum() > 30
+    assert np.isfinite(frame.depth[filled]).all()
