@@ -14,6 +14,8 @@ in uint in_splat;
 uniform mat4 eye_from_model;
 uniform int silhouette_splats;  // the first instances are on the silhouette
 uniform float sink;             // times thickness: how far those are lowered
+uniform float focal;            // pixels of a unit length at unit distance
+uniform float grow;             // pixels by which every disc is widened
 
 out vec2 v_disc;
 
@@ -35,7 +37,6 @@ uniform sampler2D splat_colors;
 #endif
 #ifdef TINT
 flat out vec4 v_tint;
-uniform float focal;
 uniform bool show_silhouette;
 uniform bool show_lod;
 #include "tint.glsl"
@@ -48,12 +49,13 @@ void main()
     Splat splat = fetch_splat(index);
     bool silhouette = gl_InstanceID < silhouette_splats;
     if (silhouette) splat.centre -= sink * splat.thickness * splat.normal;
+    vec3 centre = (eye_from_model * vec4(splat.centre, 1.0)).xyz;
+    float radius = splat.radius + grow * max(-centre.z, 0.0) / focal;
     vec3 o1, o2;
     tangents(splat.normal, o1, o2);
     v_disc = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-    vec3 point = splat.centre + splat.radius * (v_disc.x * o1 + v_disc.y * o2);
+    vec3 point = splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2);
     vec3 eye = (eye_from_model * vec4(point, 1.0)).xyz;
-    vec3 centre = (eye_from_model * vec4(splat.centre, 1.0)).xyz;
 
 #ifdef VISIBILITY
     float push = epsilon.x * splat.thickness + epsilon.y * splat.radius;

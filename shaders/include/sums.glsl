@@ -78,5 +78,5 @@ bool close_crack(ivec2 at, out Sums around)
         }
         if (sides == 2) ++closed;
     }
-    return closed >= 3 && next >= 5;
+    return closed == 4 || (closed == 3 && next >= 5);
 }
