@@ -1,7 +1,8 @@
 // Role: read the sums of a pixel and close cracks: the resolve's side of include/accumulate.glsl.
 //       Between discs of different heights a view from the side can open a crack of a pixel or three. A pixel that
-//       nothing covers is in one where five of its eight neighbours are covered, and both sides within two pixels on
-//       three of the four axes; it takes the sum of what is around it. Texels beyond the edge count as uncovered.
+//       nothing covers is in one where both sides are covered within two pixels on all of the four axes, or on three of
+//       them and five of its eight neighbours are covered; it takes the sum of what is around it. Texels beyond the
+//       edge count as uncovered.
 // Source: the reconstruction filter is that of Pfister et al., "Surfels", 2000, section 7.2, made local.
 uniform sampler2D sum_normal;
 #ifdef COLOR
