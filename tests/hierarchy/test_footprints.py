@@ -197,7 +197,7 @@ def test_the_far_side_of_a_thin_sheet_does_not_count():
     faces = np.concatenate([sheet.faces, len(sheet.positions) + np.arange(6).reshape(2, 3)])
     hierarchy, _ = measured(mesh_of(positions, faces, closed=True))
     nodes = hierarchy.nodes
-    one_sided = (nodes["sphere"] < 0.9) & (np.abs(nodes["z"]) < 0.02)
+    one_sided = (nodes["sphere"] < 0.9) & (np.abs(nodes["z"]) < 0.02) & (nodes["cone_cos"] > 0.9)
     assert one_sided.sum() > 500
     assert nodes["radius"][one_sided].max() > 0.5
     assert (nodes["print_cos"][one_sided] > 1.0 - 1e-6).all()

@@ -69,7 +69,8 @@ def test_the_usual_view_is_the_usual_matrix():
 def test_the_models_origin_is_taken_off():
     origin = np.array([4.5e5, 5.2e6, 100.0])
     near = look_at((1, 2, 3), (0, 0, 1), (0, 0, 1), 0.8, (10, 10), bounds=UNIT_SPHERE)
-    far = look_at(origin + [1, 2, 3], origin + [0, 0, 1], (0, 0, 1), 0.8, (10, 10), origin=origin, bounds=UNIT_SPHERE)
+    eye, focus = origin + np.array([1, 2, 3]), origin + np.array([0, 0, 1])
+    far = look_at(eye, focus, (0, 0, 1), 0.8, (10, 10), origin=origin, bounds=UNIT_SPHERE)
     np.testing.assert_allclose(far.eye_from_model, near.eye_from_model, atol=1e-8)
     assert far.near == pytest.approx(near.near)
 
