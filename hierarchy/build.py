@@ -10,7 +10,7 @@ from hierarchy.discs import node_discs
 from hierarchy.footprints import disc_footprints
 from hierarchy.hierarchy import NODE, SPLAT, Hierarchy
 from hierarchy.leaves import Leaves, Surfels, sort_surfels, sort_triangles
-from hierarchy.model import Float32Array, Mesh, Model, Progress, ignore_progress
+from hierarchy.model import Float32Array, Float64Array, Mesh, Model, Progress, ignore_progress
 from hierarchy.octree import MIN_LEAVES, Octree, build_octree
 
 
@@ -55,6 +55,7 @@ def build_hierarchy(
     axes, cosines, nodes["relief"] = disc_footprints(nodes, normals, sizes[:, 1], shapes, closed=closed)
     _set_cone(nodes, "print", "print", axes, cosines)
     progress("Assembling", 0.95)
+    radius, half_extents = _extents(leaves)
     return Hierarchy(
         name=model.name,
         origin=model.origin,
@@ -63,14 +64,19 @@ def build_hierarchy(
         colors=splat_colors(octree, shapes, leaves),
         leaves=leaves,
         closed=closed,
-        radius=_radius(leaves),
+        radius=radius,
+        half_extents=half_extents,
         warnings=model.warnings,
     )
 
 
-def _radius(leaves: Leaves) -> float:
+def _extents(leaves: Leaves) -> tuple[float, Float64Array]:
+    """Return the radius of the sphere and the half extents of the box around the origin that hold all leaves."""
     distances = np.sqrt(np.einsum("ij,ij->i", leaves.positions, leaves.positions, dtype=np.float64))
-    return float((distances + leaves.radii if isinstance(leaves, Surfels) else distances).max())
+    half_extents = np.abs(leaves.positions).max(axis=0).astype(np.float64)
+    if isinstance(leaves, Surfels):
+        return float((distances + leaves.radii).max()), half_extents + float(leaves.radii.max())
+    return float(distances.max()), half_extents
 
 
 def _nodes(octree: Octree) -> np.ndarray:

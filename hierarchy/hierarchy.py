@@ -51,6 +51,7 @@ class Hierarchy:
         a node's range but in none of its children's hangs on the node itself.
     closed : the surface has an inside that no eye outside sees
     radius : of the sphere around the model space's origin that holds every base primitive
+    half_extents : float64 (3,), of the box around the origin that does
     """
 
     name: str
@@ -61,6 +62,7 @@ class Hierarchy:
     leaves: Leaves
     closed: bool
     radius: float
+    half_extents: Float64Array
     warnings: tuple[str, ...] = ()
 
     @property

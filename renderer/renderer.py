@@ -8,10 +8,10 @@ import numpy as np
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import NormalTiles
-from hierarchy.view import View
+from hierarchy.view import View, screen_box
 from renderer.buffers import SplatBuffers, TileTextures
 from renderer.frame import Frame
-from renderer.resolve_passes import MARKED, Resolve
+from renderer.resolve_passes import MARKED, MATCAP_UNIT, Resolve
 from renderer.settings import Settings
 from renderer.splat_passes import CutBuffers, SplatPass, Variant, draw_attributes, draw_visibility, pass_uniforms
 from renderer.targets import Targets
@@ -74,6 +74,7 @@ class Renderer:
         tint = settings.silhouette_overlay or settings.splat_outlines or settings.lod_colors
         variant = self._variant(settings, depth=False, tint=tint)
         targets = self._targets_for(view, variant)
+        self._enter()
         self._cut_buffers.upload(cut)
         uniforms = pass_uniforms(cut, view, settings, self._buffers, self._tiles)
         with self._timers.stage("visibility"):
@@ -82,7 +83,9 @@ class Renderer:
             draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
         with self._timers.stage("resolve"):
             ground = self._ground(settings.ground_up)
-            self._resolve.shade(targets, view, settings, has_colors=self._buffers.colors is not None, ground=ground)
+            box = screen_box(view, self._hierarchy.half_extents)
+            has_colors = self._buffers.colors is not None
+            self._resolve.shade(targets, view, settings, has_colors=has_colors, ground=ground, box=box)
             self._ctx.copy_framebuffer(framebuffer, targets.picture_only)
             self._leave(framebuffer)
         self._last = (cut, view, settings, framebuffer)
@@ -98,6 +101,7 @@ class Renderer:
         variant = self._variant(settings, depth=True, tint=False)
         targets = Targets(self._ctx, (view.width, view.height), color=False, depth=True)
         try:
+            self._enter()
             self._cut_buffers.upload(cut)
             uniforms = pass_uniforms(cut, view, settings, self._buffers, self._tiles)
             draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
@@ -185,6 +189,13 @@ class Renderer:
             direction = np.asarray(up, np.float32) / np.linalg.norm(up)
             self._ground_heights[up] = float((self._hierarchy.leaves.positions @ direction).min())
         return self._ground_heights[up], self._hierarchy.bounds[1]
+
+    def _enter(self) -> None:
+        """Reset what the passes do not set themselves, whoever drew before."""
+        self._ctx.wireframe = False
+        self._ctx.polygon_offset = 0.0, 0.0
+        # A sampler object would override the filters of the textures.
+        self._ctx.clear_samplers(0, MATCAP_UNIT + 1)
 
     def _leave(self, framebuffer: moderngl.Framebuffer) -> None:
         """Leave the caller's framebuffer bound, nothing enabled, and moderngl's own blending and depth functions."""

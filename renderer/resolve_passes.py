@@ -58,12 +58,20 @@ class Resolve:
         self._matcaps: dict[str, moderngl.Texture] = {}
 
     def shade(
-        self, targets: Targets, view: View, settings: Settings, *, has_colors: bool, ground: tuple[float, float]
+        self,
+        targets: Targets,
+        view: View,
+        settings: Settings,
+        *,
+        has_colors: bool,
+        ground: tuple[float, float],
+        box: tuple[int, int, int, int],
     ) -> None:
         """Shade a frame into `targets.picture`.
 
         has_colors : the model has colours of its own
         ground : height of the ground along settings.ground_up and radius of the model, model space
+        box : left, top, right and bottom of the pixels in which the model lies; cracks are looked for there only
         """
         uniforms = self._bind(targets) | _shading(view, settings, has_colors) | _ground(view, settings, ground)
         kinds = _kinds(targets)
@@ -75,6 +83,8 @@ class Resolve:
         # Software renderers skip what the depth test rejects, and nothing else: hence several passes and not a branch.
         self._pass("resolve_shade.frag", kinds).render(uniforms, ">")
         self._pass("resolve_background.frag", {"GROUND"} if settings.ground else set()).render(uniforms, "==")
+        left, top, right, bottom = box
+        targets.visibility.scissor = targets.picture.scissor = (left, view.height - bottom, right - left, bottom - top)
         targets.visibility.use()
         targets.visibility.depth_mask = True
         self._pass("resolve_cracks.frag", set()).render(uniforms, "<", MARKED)
@@ -82,6 +92,7 @@ class Resolve:
         targets.picture.depth_mask = False
         self._pass("resolve_shade.frag", kinds | {"CRACKS"}).render(uniforms, "==", MARKED)
         targets.picture.depth_mask = True
+        targets.visibility.scissor = targets.picture.scissor = None
 
     def arrays(self, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
         """Return eye-space normal and coverage, float32 (H, W, 4), and depth, float32 (H, W); row 0 at the top."""
