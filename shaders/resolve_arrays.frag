@@ -10,7 +10,7 @@ void main()
     ivec2 at = ivec2(gl_FragCoord.xy);
     Sums sums = fetch_sums(at);
     Sums around;
-    if (sums.normal.w <= 0.0 && close_crack(at, around)) sums = around;
+    if (sums.normal.w <= 0.0 && may_be_crack(at) && close_crack(at, around)) sums = around;
     bool drawn = sums.normal.w > 0.0;
     float norm = length(sums.normal.xyz);
     out_normal = drawn ? vec4(norm > 0.0 ? sums.normal.xyz / norm : vec3(0.0, 0.0, 1.0), 1.0) : vec4(0.0);

@@ -1,8 +1,8 @@
 // Role: read the sums of a pixel and close cracks: the resolve's side of include/accumulate.glsl.
 //       Between discs of different heights a view from the side can open a crack of a pixel or three. A pixel that
-//       nothing covers is in one where both sides are covered within two pixels on all of the four axes, or on three of
-//       them and five of its eight neighbours are covered; it takes the sum of what is around it. Texels beyond the
-//       edge count as uncovered.
+//       nothing covers, with a covered one beside, above or below it, is in one where both sides are covered within
+//       two pixels on all of the four axes, or on three of them and five of its eight neighbours are covered; it takes
+//       the sum of what is around it. Texels beyond the edge count as uncovered.
 // Source: the reconstruction filter is that of Pfister et al., "Surfels", 2000, section 7.2, made local.
 uniform sampler2D sum_normal;
 #ifdef COLOR
@@ -53,14 +53,14 @@ bool is_inside(ivec2 at)
 
 bool is_covered(ivec2 at) { return is_inside(at) && texelFetch(sum_normal, at, 0).w > 0.0; }
 
-// Tell whether an uncovered pixel may lie in a crack: where five of eight neighbours are covered, one of these four is.
+// Tell whether an uncovered pixel may lie in a crack: the part of the test that is cheap.
 bool may_be_crack(ivec2 at)
 {
     return is_covered(at - ivec2(1, 0)) || is_covered(at + ivec2(1, 0)) ||
            is_covered(at - ivec2(0, 1)) || is_covered(at + ivec2(0, 1));
 }
 
-// Tell whether an uncovered pixel lies in a crack, and return the sums of the pixels around it.
+// Tell whether an uncovered pixel that may be in a crack lies in one, and return the sums of the pixels around it.
 bool close_crack(ivec2 at, out Sums around)
 {
     const ivec2 AXES[4] = ivec2[4](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));

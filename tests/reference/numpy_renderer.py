@@ -156,13 +156,14 @@ def cracks(sums: Float64Array) -> tuple[BoolArray, Float64Array]:
     """Find the pixels that lie in a crack, bool (H, W), and what surrounds them.
 
     sums : (H, W, C), the last of them the sum of weights; the second result is of the same shape
-    An uncovered pixel is in a crack where five of its eight neighbours are covered, and both sides within two pixels on
-    three of four axes. It takes the sum of the first covered pixels on all eight sides.
+    An uncovered pixel with a covered one beside, above or below it is in a crack where both sides are covered within two
+    pixels on all four axes, or on three of them and five of its eight neighbours are covered. It takes the sum of the
+    first covered pixels on all eight sides.
     """
     height, width, _ = sums.shape
     padded = np.pad(sums, ((2, 2), (2, 2), (0, 0)))
     around = np.zeros_like(sums)
-    closed, next_to = np.zeros((height, width), np.intp), np.zeros((height, width), np.intp)
+    closed, next_to, next_straight = (np.zeros((height, width), np.intp) for _ in range(3))
     for down, right in ((0, 1), (1, 0), (1, 1), (-1, 1)):
         sides = np.zeros((height, width), np.intp)
         for side in (-1, 1):
@@ -174,8 +175,10 @@ def cracks(sums: Float64Array) -> tuple[BoolArray, Float64Array]:
             around += beside
             sides += beside[..., -1] > 0.0
             next_to += first[..., -1] > 0.0
+            next_straight += (first[..., -1] > 0.0) & (down * right == 0)
         closed += sides == 2
-    return (sums[..., -1] <= 0.0) & ((closed == 4) | ((closed == 3) & (next_to >= 5))), around
+    enclosed = (closed == 4) | ((closed == 3) & (next_to >= 5))
+    return (sums[..., -1] <= 0.0) & (next_straight > 0) & enclosed, around
 
 
 def pixel_rays(view: View, offset: tuple[float, float] = (0.0, 0.0)) -> Float64Array:

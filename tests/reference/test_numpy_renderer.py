@@ -187,6 +187,13 @@ def test_what_is_wide_or_open_is_no_crack() -> None:
     assert np.argwhere(cracks(hole)[0]).tolist() == [[4, 4], [4, 5]]
 
 
+@pytest.mark.parametrize(("height", "width", "closed"), [(1, 3, 3), (2, 2, 4), (2, 3, 6), (3, 3, 0), (2, 5, 4)])
+def test_small_holes_are_closed_and_large_ones_are_not(height: int, width: int, closed: int) -> None:
+    sums = np.ones((12, 12, 1))
+    sums[4 : 4 + height, 4 : 4 + width] = 0.0
+    assert cracks(sums)[0].sum() == closed
+
+
 def test_a_crack_between_discs_is_closed_in_the_picture() -> None:
     # A gap from pixel 32.1 to 32.9: one column is open.
     pair = discs([[0.005 - 1, 0, 0], [0.045 + 1, 0, 0]], [[-0.6, 0, 0.8], [0.6, 0, 0.8]], [1.0, 1.0])
