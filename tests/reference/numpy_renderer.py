@@ -157,8 +157,8 @@ def cracks(sums: Float64Array) -> tuple[BoolArray, Float64Array]:
 
     sums : (H, W, C), the last of them the sum of weights; the second result is of the same shape
     An uncovered pixel with a covered one beside, above or below it is in a crack where both sides are covered within
-    two pixels on all four axes, or on three of them and five of its eight neighbours are covered. It takes the sum of the
-    first covered pixels on all eight sides.
+    two pixels on all four axes, or on three of them and five of its eight neighbours are covered. It takes the sum of
+    the first covered pixels on all eight sides.
     """
     height, width, _ = sums.shape
     padded = np.pad(sums, ((2, 2), (2, 2), (0, 0)))
