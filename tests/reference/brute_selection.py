@@ -1,0 +1,140 @@
+"""Algorithm 3 in plain Python with angles, node by node.
+
+Based on Holst and Schumann, "Normal Mapping for Surfel-Based Rendering" (2007), section 5, with the departures that
+hierarchy/lod.py states. Nothing is shared with it but its constants.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from hierarchy.cones import EVERYTHING
+from hierarchy.hierarchy import Hierarchy
+from hierarchy.leaves import Triangles
+from hierarchy.lod import BACK, BENT_COSINE, FRONT, RELIEF_OF_R_SIL, SILHOUETTE
+from hierarchy.view import View
+
+Float64Array = npt.NDArray[np.float64]
+
+
+@dataclass
+class Selection:
+    """What is drawn, by number of node or leaf, and whether because of the silhouette; and what was left out.
+
+    nodes, leaves : number -> on the silhouette
+    culled : leaves that are outside the frustum or face away
+    visited : number of nodes looked at
+    """
+
+    nodes: dict[int, bool] = field(default_factory=dict)
+    leaves: dict[int, bool] = field(default_factory=dict)
+    culled: set[int] = field(default_factory=set)
+    visited: int = 0
+
+
+def vector(record: np.void, prefix: str = "") -> Float64Array:
+    """Return the fields x, y, z of a record as float64 (3,)."""
+    return np.array([record[f"{prefix}{axis}"] for axis in "xyz"], np.float64)
+
+
+def side_of_cone(axis: Float64Array, half_angle: float, to_centre: Float64Array, sphere: float) -> int:
+    """Tell how the normals of a cone, anywhere in a sphere, face the eye; angles in radians.
+
+    to_centre : float64 (3,), from the eye to the sphere's centre
+    """
+    distance = float(np.linalg.norm(to_centre))
+    if half_angle >= math.pi / 2 or distance <= sphere:
+        return SILHOUETTE
+    along = math.acos(np.clip(axis @ to_centre / (np.linalg.norm(axis) * distance), -1.0, 1.0))
+    spread = half_angle + math.asin(sphere / distance)
+    if along + spread <= math.pi / 2:
+        return BACK
+    return FRONT if along - spread >= math.pi / 2 else SILHOUETTE
+
+
+def side_as_printed(axis: Float64Array, half_angle: float, line_of_sight: Float64Array, view_angle: float) -> int:
+    """Tell the same as the paper does, by the field of view alone."""
+    spread = half_angle + view_angle
+    if spread >= math.pi / 2:
+        return SILHOUETTE
+    facing = float(axis @ line_of_sight)
+    if facing > math.sin(spread):
+        return BACK
+    return FRONT if facing <= -math.sin(spread) else SILHOUETTE
+
+
+def clip_planes(view: View) -> Float64Array:
+    """Return the near, left, right, bottom and top planes (5, 4) of model space from the projection's rows."""
+    x, y, z, w = view.clip_from_eye @ view.eye_from_model
+    planes = np.stack([w + z, w + x, w - x, w + y, w - y])
+    normalised: Float64Array = planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    return normalised
+
+
+def half_angle_of(node: np.void, prefix: str) -> float:
+    """Return the half-angle of a node's cone, pi where it contains everything."""
+    if node[f"{prefix}_cos"] == EVERYTHING:
+        return math.pi
+    return math.atan2(float(node[f"{prefix}_sin"]), float(node[f"{prefix}_cos"]))
+
+
+def select(
+    hierarchy: Hierarchy,
+    view: View,
+    r_sil: float,
+    r_inner: float,
+    *,
+    two_sided: bool = False,
+    printed_cone_test: bool = False,
+) -> Selection:
+    """Choose what draws a view, as `hierarchy.lod.select_cut` does."""
+    nodes, selection = hierarchy.nodes, Selection()
+    planes, ahead = clip_planes(view), -view.eye_from_model[2, :3]
+    cull_back = hierarchy.closed and not two_sided
+    waiting = [0]
+    while waiting:
+        index = waiting.pop()
+        node = nodes[index]
+        selection.visited += 1
+        centre, sphere = vector(node), float(node["sphere"])
+        to_centre = centre - view.eye
+        own, print_ = half_angle_of(node, "cone"), half_angle_of(node, "print")
+        if printed_cone_test:
+            side = print_side = side_as_printed(vector(node, "axis_"), own, ahead, view.view_angle)
+        else:
+            side = side_of_cone(vector(node, "axis_"), own, to_centre, sphere)
+            print_side = side_of_cone(vector(node, "print_"), print_, to_centre, sphere)
+        outside = (planes[:, :3] @ centre + planes[:, 3] < -sphere).any()
+        if outside or (side == BACK and cull_back):
+            selection.culled.update(range(node["leaf_begin"], node["leaf_end"]))
+            continue
+        silhouette = print_side == SILHOUETTE
+        depth = float(to_centre @ ahead)
+        if depth - sphere > view.near and np.linalg.norm(to_centre) > sphere:
+            pixels = view.focal_pixels / depth
+            fine = silhouette
+            if not printed_cone_test:
+                bent = print_ > math.acos(BENT_COSINE)
+                fine = (silhouette or bent) and float(node["relief"]) * pixels > RELIEF_OF_R_SIL * r_sil
+            if float(node["radius"]) * pixels <= (r_sil if fine else r_inner):
+                selection.nodes[index] = silhouette
+                continue
+        children = range(node["first_child"], node["first_child"] + node["child_count"])
+        waiting += children
+        below = {leaf for child in children for leaf in range(nodes[child]["leaf_begin"], nodes[child]["leaf_end"])}
+        for leaf in set(range(node["leaf_begin"], node["leaf_end"])) - below:
+            if cull_back and isinstance(hierarchy.leaves, Triangles) and faces_away(hierarchy.leaves, leaf, view.eye):
+                selection.culled.add(leaf)
+            else:
+                selection.leaves[leaf] = silhouette
+    return selection
+
+
+def faces_away(triangles: Triangles, leaf: int, eye: Float64Array) -> bool:
+    """Tell whether the eye is behind a triangle's plane, or in it."""
+    a, b, c = triangles.positions[triangles.indices[leaf]].astype(np.float64)
+    return bool(np.cross(b - a, c - a) @ (a - eye) >= 0.0)
