@@ -30,30 +30,30 @@ BORDER = 0.15
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _nearest2(shapes, leaf, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the squared distance of a point from the nearest of a leaf's centre and corners (surfel: its rim)."""
-    positions, indices, radii, _, centres = shapes
-    dx, dy, dz = centres[leaf, 0] - x, centres[leaf, 1] - y, centres[leaf, 2] - z
-    best = dx * dx + dy * dy + dz * dz
+def _within(positions, indices, centres, extents, leaf, x, y, z, radius):  # type: ignore[no-untyped-def]
+    """Tell whether a leaf's centre or one of its corners (surfel: its rim) is within a radius of a point."""
+    dx, dy, dz = np.float64(centres[leaf, 0]) - x, np.float64(centres[leaf, 1]) - y, np.float64(centres[leaf, 2]) - z
+    distance2 = dx * dx + dy * dy + dz * dz
+    if distance2 <= radius * radius:
+        return True
+    if distance2 > (radius + extents[leaf]) ** 2:
+        return False
     if len(indices) == 0:
-        return max(math.sqrt(best) - radii[leaf], 0.0) ** 2
+        return True
     for k in range(3):
         v = indices[leaf, k]
         dx, dy, dz = positions[v, 0] - x, positions[v, 1] - y, positions[v, 2] - z
-        best = min(best, dx * dx + dy * dy + dz * dz)
-    return best
+        if dx * dx + dy * dy + dz * dz <= radius * radius:
+            return True
+    return False
 
 
 @nb.njit(cache=True, nogil=True)
-def _append(vectors, count, x, y, z):  # type: ignore[no-untyped-def]
-    """Append a normalised vector, growing the buffer; return the buffer."""
-    if count == len(vectors):
-        grown = np.empty((2 * count, 3), np.float64)
-        grown[:count] = vectors
-        vectors = grown
-    norm = math.sqrt(x * x + y * y + z * z)
-    vectors[count, 0], vectors[count, 1], vectors[count, 2] = x / norm, y / norm, z / norm
-    return vectors
+def _grown(vectors):  # type: ignore[no-untyped-def]
+    """Return a buffer twice as long that begins with the old one."""
+    grown = np.empty((2 * len(vectors), 3), np.float64)
+    grown[: len(vectors)] = vectors
+    return grown
 
 
 @nb.njit(cache=True, nogil=True)
@@ -69,16 +69,10 @@ def _rim(x, y, z, radius, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _approach_rim(shapes, leaf, rim, gaps):  # type: ignore[no-untyped-def]
+def _approach_rim(centres, extents, leaf, rim, gaps):  # type: ignore[no-untyped-def]
     """Shorten the squared distances of the rim's points from the surface by what a leaf's bounding sphere reaches."""
-    positions, indices, radii, _, centres = shapes
     x, y, z = np.float64(centres[leaf, 0]), np.float64(centres[leaf, 1]), np.float64(centres[leaf, 2])
-    extent = np.float64(radii[leaf]) if len(indices) == 0 else 0.0
-    if len(indices) > 0:
-        for k in range(3):
-            v = indices[leaf, k]
-            extent = max(extent, (positions[v, 0] - x) ** 2 + (positions[v, 1] - y) ** 2 + (positions[v, 2] - z) ** 2)
-        extent = math.sqrt(extent)
+    extent = np.float64(extents[leaf])
     for k in range(len(rim)):
         distance2 = (rim[k, 0] - x) ** 2 + (rim[k, 1] - y) ** 2 + (rim[k, 2] - z) ** 2
         # The root is taken only where it matters.
@@ -89,7 +83,7 @@ def _approach_rim(shapes, leaf, rim, gaps):  # type: ignore[no-untyped-def]
 @nb.njit(cache=True, nogil=True)
 def _footprint(nodes, node, normal, thickness, shapes, closed, cap):  # type: ignore[no-untyped-def]
     """Write the cone of a disc's footprint to cap, float64 (4,); return its relief."""
-    normals, centres = shapes[3], shapes[4]
+    positions, indices, normals, centres, extents = shapes
     me = nodes[node]
     px, py, pz = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"])
     radius = np.float64(me["radius"])
@@ -115,15 +109,21 @@ def _footprint(nodes, node, normal, thickness, shapes, closed, cap):  # type: ig
         for child in range(inner["first_child"], last + 1):
             end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
             for leaf in range(begin, end):
+                mine = me["leaf_begin"] <= leaf < me["leaf_end"]
+                if not mine and not _within(positions, indices, centres, extents, leaf, px, py, pz, radius):
+                    continue
                 x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
-                if not me["leaf_begin"] <= leaf < me["leaf_end"]:
-                    if x * nx + y * ny + z * nz < FAR_SIDE or _nearest2(shapes, leaf, px, py, pz) > radius * radius:
+                if not mine:
+                    if x * nx + y * ny + z * nz < FAR_SIDE:
                         continue
                     dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
                     relief = max(relief, abs(dx * nx + dy * ny + dz * nz))
                 if not closed:
-                    _approach_rim(shapes, leaf, rim, gaps)
-                vectors = _append(vectors, count, x, y, z)
+                    _approach_rim(centres, extents, leaf, rim, gaps)
+                if count == len(vectors):
+                    vectors = _grown(vectors)
+                norm = math.sqrt(x * x + y * y + z * z)
+                vectors[count, 0], vectors[count, 1], vectors[count, 2] = x / norm, y / norm, z / norm
                 count += 1
             if child < last:
                 begin = nodes[child]["leaf_end"]
@@ -165,5 +165,5 @@ def disc_footprints(
     float32 (M,): the largest distance of the footprint's primitives from the disc's plane, or of the disc's rim from any surface.
     """
     s = shapes
-    arrays = (s.positions, s.indices, s.radii, s.normals, s.centres)
+    arrays = (s.positions, s.indices, s.normals, s.centres, s.extents)
     return _footprints(nodes, disc_normals, np.ascontiguousarray(thickness), arrays, closed)  # type: ignore[no-any-return]

@@ -72,6 +72,7 @@ class LeafShapes:
     normals : float32 (N, 3), unit geometric normals: those that decide what faces the eye
     centres : float32 (N, 3), centroids
     areas : float32 (N,), weights of the averages
+    extents : float32 (N,), radii of spheres around the centres that hold the primitives
     """
 
     positions: Float32Array
@@ -80,6 +81,7 @@ class LeafShapes:
     normals: Float32Array
     centres: Float32Array
     areas: Float32Array
+    extents: Float32Array
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -106,6 +108,7 @@ def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
     normals = np.empty((count, 3), np.float32)
     centres = np.empty((count, 3), np.float32)
     areas = np.empty(count, np.float32)
+    extents = np.empty(count, np.float32)
     for i in nb.prange(count):
         a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
         px, py, pz = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
@@ -121,7 +124,14 @@ def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
         centres[i, 1] = py + (uy + vy) / 3.0
         centres[i, 2] = pz + (uz + vz) / 3.0
         areas[i] = 0.5 * norm
-    return normals, centres, areas
+        extent2 = 0.0
+        for k in range(3):
+            v = faces[i, k]
+            x, y, z = positions[v, 0] - centres[i, 0], positions[v, 1] - centres[i, 1], positions[v, 2] - centres[i, 2]
+            extent2 = max(extent2, np.float64(x) * x + np.float64(y) * y + np.float64(z) * z)
+        # Rounded up: a sphere that holds its triangle but for the last bit would be of no use.
+        extents[i] = math.sqrt(extent2) * (1.0 + 1e-6)
+    return normals, centres, areas, extents
 
 
 @nb.njit(cache=True, nogil=True)
@@ -144,7 +154,7 @@ def _first_use(faces, order, vertex_count):  # type: ignore[no-untyped-def]
 
 def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, np.ndarray]:
     """Put a mesh's triangles into Morton order; return them, their shapes and their sorted codes."""
-    normals, centres, areas = _triangle_shapes(mesh.positions, mesh.faces)
+    normals, centres, areas, extents = _triangle_shapes(mesh.positions, mesh.faces)
     codes = morton_codes(centres)
     order = np.argsort(codes)
     indices, old_from_new = _first_use(mesh.faces, order, len(mesh.positions))
@@ -155,7 +165,13 @@ def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, np.ndarray]:
         None if mesh.colors is None else mesh.colors[old_from_new],
     )
     shapes = LeafShapes(
-        triangles.positions, indices, np.empty(0, np.float32), normals[order], centres[order], areas[order]
+        positions=triangles.positions,
+        indices=indices,
+        radii=np.empty(0, np.float32),
+        normals=normals[order],
+        centres=centres[order],
+        areas=areas[order],
+        extents=extents[order],
     )
     return triangles, shapes, codes[order]
 
@@ -171,11 +187,12 @@ def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, np.ndarray]:
         None if cloud.colors is None else cloud.colors[order],
     )
     shapes = LeafShapes(
-        surfels.positions,
-        np.empty((0, 3), np.int32),
-        surfels.radii,
-        surfels.normals,
-        surfels.positions,
-        surfels.radii * surfels.radii,
+        positions=surfels.positions,
+        indices=np.empty((0, 3), np.int32),
+        radii=surfels.radii,
+        normals=surfels.normals,
+        centres=surfels.positions,
+        areas=surfels.radii * surfels.radii,
+        extents=surfels.radii,
     )
     return surfels, shapes, codes[order]

@@ -74,12 +74,13 @@ def _reach(radius, sphere, texels):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _scatter_triangle(corners, normals, colors, scale, offset, texels, height, sums):  # type: ignore[no-untyped-def]
+def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, sums):  # type: ignore[no-untyped-def]
     """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
 
-    corners : float64 (3, 3), u, v, h of the vertices in the disc's frame
-    normals, colors : float64 (3, 3), (3, 4), at the vertices; normals in the disc's frame
-    height, sums : float64 (w, w) and (w, w, 7): distance of the nearest hit so far, and its normal and colour
+    corners : float64 (3, 3), u, v, h of the vertices a, b, c in the disc's frame
+    scale, offset : a point u lies at texel u * scale + offset
+    height, sums : float64 (w, w) and (w, w, C): distance of the nearest hit so far, its normal in model space and,
+        where C is 7, its colour
     """
     ax, ay = corners[0, 0] * scale + offset, corners[0, 1] * scale + offset
     bx, by = corners[1, 0] * scale + offset, corners[1, 1] * scale + offset
@@ -87,6 +88,7 @@ def _scatter_triangle(corners, normals, colors, scale, offset, texels, height, s
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     if area <= 0.0:
         return
+    texels = len(height)
     slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
     left = max(math.ceil(min(ax, bx, cx) - EDGE_SLACK), 0)
     right = min(math.floor(max(ax, bx, cx) + EDGE_SLACK), texels - 1)
@@ -104,31 +106,33 @@ def _scatter_triangle(corners, normals, colors, scale, offset, texels, height, s
             if h < height[y, x]:
                 height[y, x] = h
                 for k in range(3):
-                    sums[y, x, k] = wa * normals[0, k] + wb * normals[1, k] + wc * normals[2, k]
-                for k in range(4):
-                    sums[y, x, 3 + k] = wa * colors[0, k] + wb * colors[1, k] + wc * colors[2, k]
+                    sums[y, x, k] = wa * normals[a, k] + wb * normals[b, k] + wc * normals[c, k]
+                for k in range(3, sums.shape[2]):
+                    sums[y, x, k] = wa * colors[a, k - 3] + wb * colors[b, k - 3] + wc * colors[c, k - 3]
 
 
 @nb.njit(cache=True, nogil=True)
-def _scatter_surfel(centre, normal, color, radius, spacing, offset, texels, weights, sums):  # type: ignore[no-untyped-def]
+def _scatter_surfel(corner, radius, leaf, normals, colors, spacing, offset, weights, sums):  # type: ignore[no-untyped-def]
     """Add a base surfel's weighted normal to the texels whose lines hit its disc (Algorithm 1, eq. 13-14).
 
-    centre, normal : float64 (3,), in the disc's frame
+    corner : float64 (3, 3), its centre and its normal in the disc's frame
     spacing, offset : texel x lies at (x - offset) * spacing
-    weights, sums : float64 (w, w) and (w, w, 7): sum of weights, and of weighted normals and colours
+    weights, sums : float64 (w, w) and (w, w, C): sum of weights, weighted normals in model space and, where C is 7,
+        weighted colours
     """
-    a, b, c = normal[0], normal[1], normal[2]
+    texels = len(weights)
+    u, v, a, b, c = corner[0, 0], corner[0, 1], corner[1, 0], corner[1, 1], corner[1, 2]
     if c <= 1e-6:
         return
     extent_u = radius * math.sqrt(max(1.0 - a * a, 0.0))
     extent_v = radius * math.sqrt(max(1.0 - b * b, 0.0))
-    left = max(math.ceil((centre[0] - extent_u) / spacing + offset), 0)
-    right = min(math.floor((centre[0] + extent_u) / spacing + offset), texels - 1)
-    low = max(math.ceil((centre[1] - extent_v) / spacing + offset), 0)
-    high = min(math.floor((centre[1] + extent_v) / spacing + offset), texels - 1)
+    left = max(math.ceil((u - extent_u) / spacing + offset), 0)
+    right = min(math.floor((u + extent_u) / spacing + offset), texels - 1)
+    low = max(math.ceil((v - extent_v) / spacing + offset), 0)
+    high = min(math.floor((v + extent_v) / spacing + offset), texels - 1)
     for y in range(low, high + 1):
         for x in range(left, right + 1):
-            du, dv = (x - offset) * spacing - centre[0], (y - offset) * spacing - centre[1]
+            du, dv = (x - offset) * spacing - u, (y - offset) * spacing - v
             dh = -(a * du + b * dv) / c
             rho2 = (du * du + dv * dv + dh * dh) / (radius * radius)
             if rho2 >= 1.0:
@@ -136,15 +140,15 @@ def _scatter_surfel(centre, normal, color, radius, spacing, offset, texels, weig
             weight = gaussian(rho2)
             weights[y, x] += weight
             for k in range(3):
-                sums[y, x, k] += weight * normal[k]
-            for k in range(4):
-                sums[y, x, 3 + k] += weight * color[k]
+                sums[y, x, k] += weight * normals[leaf, k]
+            for k in range(3, sums.shape[2]):
+                sums[y, x, k] += weight * colors[leaf, k - 3]
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _to_frame(x, y, z, frame, out):  # type: ignore[no-untyped-def]
+def _to_frame(x, y, z, frame, out, row):  # type: ignore[no-untyped-def]
     for k in range(3):
-        out[k] = x * frame[k, 0] + y * frame[k, 1] + z * frame[k, 2]
+        out[row, k] = x * frame[k, 0] + y * frame[k, 1] + z * frame[k, 2]
 
 
 @nb.njit(cache=True, nogil=True)
@@ -158,8 +162,6 @@ def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # ty
     # One texel lies in the centre; any scale will do for it.
     scale = (half if texels > 1 else 0.5) / max(np.float64(me["radius"]), 1e-300)
     corner = np.empty((3, 3), np.float64)
-    normal = np.empty((3, 3), np.float64)
-    color = np.zeros((3, 4), np.float64)
     # A binary tree over 63-bit codes and 31-bit counts is at most 94 levels deep.
     stack = np.empty(128, np.int32)
     stack[0] = 0
@@ -178,25 +180,20 @@ def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # ty
             end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
             for leaf in range(begin, end):
                 if triangles:
-                    for k in range(3):
-                        v = indices[leaf, k]
-                        _to_frame(positions[v, 0] - px, positions[v, 1] - py, positions[v, 2] - pz, frame, corner[k])
-                        _to_frame(normals[v, 0], normals[v, 1], normals[v, 2], frame, normal[k])
-                        if len(colors) > 0:
-                            for c in range(4):
-                                color[k, c] = colors[v, c]
-                    _scatter_triangle(corner, normal, color, scale, half, texels, nearest, sums)
+                    a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
+                    _to_frame(positions[a, 0] - px, positions[a, 1] - py, positions[a, 2] - pz, frame, corner, 0)
+                    _to_frame(positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz, frame, corner, 1)
+                    _to_frame(positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz, frame, corner, 2)
+                    _scatter_triangle(corner, a, b, c, normals, colors, scale, half, nearest, sums)
                 else:
                     x, y, z = positions[leaf, 0] - px, positions[leaf, 1] - py, positions[leaf, 2] - pz
-                    radius = np.float64(radii[leaf])
-                    if x * x + y * y + z * z > (reach + radius) ** 2:
+                    if x * x + y * y + z * z > (reach + radii[leaf]) ** 2:
                         continue
-                    _to_frame(x, y, z, frame, corner[0])
-                    _to_frame(normals[leaf, 0], normals[leaf, 1], normals[leaf, 2], frame, normal[0])
-                    if len(colors) > 0:
-                        for c in range(4):
-                            color[0, c] = colors[leaf, c]
-                    _scatter_surfel(corner[0], normal[0], color[0], radius, 1.0 / scale, half, texels, nearest, sums)
+                    _to_frame(x, y, z, frame, corner, 0)
+                    _to_frame(normals[leaf, 0], normals[leaf, 1], normals[leaf, 2], frame, corner, 1)
+                    radius = np.float64(radii[leaf])
+                    spacing = 1.0 / scale
+                    _scatter_surfel(corner, radius, leaf, normals, colors, spacing, half, nearest, sums)
             if child < last:
                 begin = nodes[child]["leaf_end"]
                 stack[top] = child
@@ -204,19 +201,19 @@ def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # ty
 
 
 @nb.njit(cache=True, nogil=True)
-def _store(nearest, sums, triangles, out_normals, out_colors):  # type: ignore[no-untyped-def]
-    """Encode a tile's sums into its texels of the atlas."""
+def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: ignore[no-untyped-def]
+    """Encode a tile's sums into its texels of the atlas; a texel that hit nothing keeps what is there."""
     texels = len(nearest)
+    local = np.empty((1, 3), np.float64)
     for y in range(texels):
         for x in range(texels):
-            out_normals[y, x, 0], out_normals[y, x, 1] = encode_hemisphere(sums[y, x, 0], sums[y, x, 1], sums[y, x, 2])
-            if out_colors.shape[0] == 0:
+            if nearest[y, x] == np.inf if triangles else nearest[y, x] <= 0.0:
                 continue
+            _to_frame(sums[y, x, 0], sums[y, x, 1], sums[y, x, 2], frame, local, 0)
+            out_normals[y, x, 0], out_normals[y, x, 1] = encode_hemisphere(local[0, 0], local[0, 1], local[0, 2])
             weight = 1.0 if triangles else nearest[y, x]
-            hit = nearest[y, x] < np.inf if triangles else weight > 0.0
-            for k in range(4):
-                # Alpha 0 marks a texel that hit nothing: the shader takes the node's own colour there.
-                out_colors[y, x, k] = np.rint(sums[y, x, 3 + k] / weight) if hit else 0
+            for k in range(3, sums.shape[2]):
+                out_colors[y, x, k - 3] = np.rint(sums[y, x, k] / weight)
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
@@ -230,16 +227,13 @@ def _bake(nodes, disc_normals, leaves, triangles, first, last, texels, normals, 
         for k in range(3):
             frame[0, k], frame[1, k] = u[k], u[3 + k]
         nearest = np.full((texels, texels), np.inf if triangles else 0.0)
-        sums = np.zeros((texels, texels, 7))
+        sums = np.zeros((texels, texels, 7 if len(colors) > 0 else 3))
         _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums)
         layer, row, column = node // side**2, node // side % side * texels, node % side * texels
-        out = normals[layer, row : row + texels, column : column + texels]
-        layer = layer if len(colors) > 0 else 0
-        out_colors = colors[layer : layer + 1, row : row + texels, column : column + texels]
-        if len(out_colors) > 0:
-            _store(nearest, sums, triangles, out, out_colors[0])
-        else:
-            _store(nearest, sums, triangles, out, np.empty((0, 0, 4), np.uint8))
+        tile = normals[layer, row : row + texels, column : column + texels]
+        # Without colours the atlas has no layers; any array of its type will do.
+        color_layer = colors[layer] if len(colors) > 0 else normals[layer]
+        _store(nearest, sums, frame, triangles, tile, color_layer[row : row + texels, column : column + texels])
 
 
 def bake_tiles(hierarchy: Hierarchy, texels: int, *, progress: Progress = ignore_progress) -> NormalTiles:
@@ -258,6 +252,7 @@ def bake_tiles(hierarchy: Hierarchy, texels: int, *, progress: Progress = ignore
     triangles = isinstance(leaves, Triangles)
     colors = leaves.colors if leaves.colors is not None else np.empty((0, 4), np.uint8)
     has_colors = leaves.colors is not None
+    # Alpha 0 marks a texel that hit nothing: the shader takes the node's own colour there.
     atlas = np.zeros((layers if has_colors else 0, LAYER_SIZE, LAYER_SIZE, 4), np.uint8)
     arrays = (
         leaves.positions,
