@@ -162,7 +162,8 @@ def disc_footprints(
     thickness : float32 (M,), largest distance of the primitives below a node from its disc's plane
     closed : the surface has no borders to look for
     Returns the cones' axes float32 (M, 3) and cosines float32 (M,) as in `normal_cones`, and the reliefs
-    float32 (M,): the largest distance of the footprint's primitives from the disc's plane, or of the disc's rim from any surface.
+    float32 (M,): the largest distance of the footprint's primitives from the disc's plane, or of the disc's rim from
+    any surface.
     """
     s = shapes
     arrays = (s.positions, s.indices, s.normals, s.centres, s.extents)

@@ -13,13 +13,14 @@ import numba as nb
 import numpy as np
 
 from hierarchy.model import Float32Array, Int32Array, Mesh, PointCloud, UInt8Array
+from hierarchy.part import AnyArray
 
 # Discs overshoot the surface by their radius at most, and edges are halved until that is below this share of the
 # bounding box's diagonal: 3 pixels where the model fills a window of 1000. Scans are finer than that as they are.
 OVERSHOOT = 1.0 / 300.0
 # Splitting stops here, with the worst edges split first: a box of 12 triangles would want about half as many.
 MOST_SURFELS = 1_000_000
-# A disc that leans from its triangle's plane is widened to cover it; more than 60 degrees is a wrong normal, not a lean.
+# A disc that leans from its triangle's plane is widened to cover it; beyond 60 degrees the normal is just wrong.
 LEAST_LEAN_COSINE = 0.5
 
 
@@ -48,7 +49,7 @@ def _split(mesh: Mesh) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Arr
         return np.asarray(np.linalg.norm(a - b, axis=1) / longest)
 
     points, _ = unique_positions(mesh.positions)
-    attributes = [mesh.normals] if mesh.colors is None else [mesh.normals, mesh.colors]
+    attributes: list[AnyArray] = [mesh.normals] if mesh.colors is None else [mesh.normals, mesh.colors]
     most = max(MOST_SURFELS, len(mesh.faces))
     split = subdivide_edges(mesh.positions, mesh.faces, attributes, excess, most_faces=most, points=points)
     colors = None if mesh.colors is None else split.attributes[1]

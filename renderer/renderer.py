@@ -201,7 +201,7 @@ class Renderer:
         """Leave the caller's framebuffer bound, nothing enabled, and moderngl's own blending and depth functions."""
         framebuffer.use()
         self._ctx.enable_only(moderngl.NOTHING)
-        self._ctx.blend_func = moderngl.DEFAULT_BLENDING
+        self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         self._ctx.depth_func = "<="
 
     def _release_passes(self) -> None:

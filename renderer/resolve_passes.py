@@ -92,7 +92,7 @@ class Resolve:
         targets.picture.depth_mask = False
         self._pass("resolve_shade.frag", kinds | {"CRACKS"}).render(uniforms, "==", MARKED)
         targets.picture.depth_mask = True
-        targets.visibility.scissor = targets.picture.scissor = None
+        targets.visibility.scissor = targets.picture.scissor = None  # type: ignore[assignment]
 
     def arrays(self, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
         """Return eye-space normal and coverage, float32 (H, W, 4), and depth, float32 (H, W); row 0 at the top."""

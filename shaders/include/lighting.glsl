@@ -1,11 +1,13 @@
 // Role: light a point: Blinn-Phong of a headlight and a key light that is fixed to the eye, or a matcap. Linear colours.
 // Source: Blinn, "Models of Light Reflection for Computer Synthesized Pictures", 1977.
 const vec3 KEY_DIRECTION = vec3(-0.48, 0.64, 0.60);  // over the left shoulder
-const vec3 HEADLIGHT = vec3(0.42);
-const vec3 KEY_LIGHT = vec3(0.62, 0.60, 0.56);
+const vec3 HEADLIGHT = vec3(0.24);
+const vec3 KEY_LIGHT = vec3(0.80, 0.77, 0.71);
+const vec3 RIM_DIRECTION = vec3(0.836, 0.243, -0.492);  // from behind on the right: parts the dark side from the ground
+const vec3 RIM_LIGHT = vec3(0.20, 0.24, 0.32);
 const vec3 SKY = vec3(0.085, 0.095, 0.115);
 const vec3 FLOOR = vec3(0.050, 0.045, 0.040);
-const float SPECULAR = 0.14;
+const float SPECULAR = 0.12;
 const float SHININESS = 36.0;
 
 #ifdef MATCAP
@@ -25,6 +27,7 @@ vec3 lit(vec3 albedo, vec3 n, vec3 to_eye)
     return texture(matcap, 0.5 + 0.495 * n.xy).rgb * albedo;
 #else
     vec3 color = albedo * mix(FLOOR, SKY, 0.5 + 0.5 * n.y);
+    color += albedo * RIM_LIGHT * max(dot(n, RIM_DIRECTION), 0.0);
     color += blinn_phong(albedo, n, to_eye, to_eye, HEADLIGHT);
     return color + blinn_phong(albedo, n, to_eye, KEY_DIRECTION, KEY_LIGHT);
 #endif
