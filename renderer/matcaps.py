@@ -25,10 +25,10 @@ class Light:
 
 MATCAPS: dict[str, tuple[Light, ...]] = {
     "pearl": (
-        Light((0.0, 0.3, 1.0), (0.17, 0.165, 0.17)),
-        Light((-0.65, 0.75, 0.25), (0.36, 0.33, 0.30)),
-        Light((0.9, -0.3, 0.1), (0.07, 0.06, 0.11)),
-        Light((0.2, -0.9, 0.2), (0.07, 0.055, 0.045)),
+        Light((0.0, 0.3, 1.0), (0.20, 0.20, 0.205)),
+        Light((-0.65, 0.75, 0.3), (0.46, 0.425, 0.39)),
+        Light((0.9, -0.3, 0.1), (0.06, 0.06, 0.10)),
+        Light((0.2, -0.9, 0.2), (0.07, 0.06, 0.05)),
         Light((-0.45, 0.6, 0.66), (0.34, 0.33, 0.32), 34.0),
         Light((0.75, 0.35, 0.1), (0.10, 0.13, 0.20), 10.0),
     ),
@@ -51,8 +51,9 @@ MATCAPS: dict[str, tuple[Light, ...]] = {
 
 
 def make_matcap(name: str) -> npt.NDArray[np.float32]:
-    """Return a matcap's linear colours, float32 (SIZE, SIZE, 3); row 0 is at the bottom, the sphere fills the square.
+    """Return a matcap, float32 (SIZE, SIZE, 4): linear colour, and the brightness of the highlights in it.
 
+    Row 0 is at the bottom; the sphere fills the square.
     Raises KeyError where there is no such material.
     """
     axis = (np.arange(SIZE) + 0.5) / SIZE * 2.0 - 1.0
@@ -60,7 +61,7 @@ def make_matcap(name: str) -> npt.NDArray[np.float32]:
     inside = np.maximum(1.0 - x * x - y * y, 0.0)
     normal = np.stack([x, y, np.sqrt(inside)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    color = np.zeros((SIZE, SIZE, 3))
+    matcap = np.zeros((SIZE, SIZE, 4))
     for light in MATCAPS[name]:
         direction = np.asarray(light.direction) / np.linalg.norm(light.direction)
         if light.sharpness == 0.0:
@@ -69,5 +70,6 @@ def make_matcap(name: str) -> npt.NDArray[np.float32]:
         else:
             half = direction + np.array([0.0, 0.0, 1.0])
             amount = np.maximum(normal @ (half / np.linalg.norm(half)), 0.0) ** light.sharpness
-        color += amount[..., None] * np.asarray(light.color)
-    return color.astype(np.float32)
+            matcap[..., 3] += amount * np.mean(light.color)
+        matcap[..., :3] += amount[..., None] * np.asarray(light.color)
+    return matcap.astype(np.float32)

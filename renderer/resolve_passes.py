@@ -135,7 +135,7 @@ class Resolve:
     def _matcap(self, name: str) -> moderngl.Texture:
         if name not in self._matcaps:
             texels = make_matcap(name)
-            texture = self._ctx.texture(texels.shape[1::-1], 3, texels, dtype="f4")
+            texture = self._ctx.texture(texels.shape[1::-1], 4, texels, dtype="f4")
             texture.repeat_x = texture.repeat_y = False
             self._matcaps[name] = texture
         return self._matcaps[name]

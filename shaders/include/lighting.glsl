@@ -24,10 +24,14 @@ vec3 blinn_phong(vec3 albedo, vec3 n, vec3 to_eye, vec3 to_light, vec3 light)
 vec3 lit(vec3 albedo, vec3 n, vec3 to_eye)
 {
 #ifdef MATCAP
-    return texture(matcap, 0.5 + 0.495 * n.xy).rgb * albedo;
+    // Alpha is how much of it is highlight, which keeps its colour on a coloured model.
+    vec4 light = texture(matcap, 0.5 + 0.495 * n.xy);
+    return light.rgb * albedo + light.a * (1.0 - albedo);
 #else
     vec3 color = albedo * mix(FLOOR, SKY, 0.5 + 0.5 * n.y);
-    color += albedo * RIM_LIGHT * max(dot(n, RIM_DIRECTION), 0.0);
+    // Not on what is seen from behind, the inside of an open model.
+    float rim = max(dot(n, RIM_DIRECTION), 0.0) * clamp(1.0 + 2.0 * dot(n, to_eye), 0.0, 1.0);
+    color += albedo * rim * RIM_LIGHT;
     color += blinn_phong(albedo, n, to_eye, to_eye, HEADLIGHT);
     return color + blinn_phong(albedo, n, to_eye, KEY_DIRECTION, KEY_LIGHT);
 #endif
