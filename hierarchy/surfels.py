@@ -83,13 +83,13 @@ def enclosing_disc(corners, weights):  # type: ignore[no-untyped-def]
         a2 += (corners[1, axis] - corners[2, axis]) ** 2
         b2 += (corners[2, axis] - corners[0, axis]) ** 2
         c2 += (corners[0, axis] - corners[1, axis]) ** 2
-    # Barycentric coordinates of the circumcentre; one is negative where the angle there is obtuse.
+    # Barycentric coordinates of the circumcentre; one would be negative where the angle there is obtuse.
     wa, wb, wc = a2 * (b2 + c2 - a2), b2 * (c2 + a2 - b2), c2 * (a2 + b2 - c2)
-    if wa <= 0.0:
+    if a2 >= b2 + c2:
         wa, wb, wc, radius = 0.0, 0.5, 0.5, 0.5 * math.sqrt(a2)
-    elif wb <= 0.0:
+    elif b2 >= c2 + a2:
         wa, wb, wc, radius = 0.5, 0.0, 0.5, 0.5 * math.sqrt(b2)
-    elif wc <= 0.0:
+    elif c2 >= a2 + b2:
         wa, wb, wc, radius = 0.5, 0.5, 0.0, 0.5 * math.sqrt(c2)
     else:
         total = wa + wb + wc

@@ -108,3 +108,16 @@ def surfel_sphere(count: int = 300, seed: int = 5) -> PointCloud:
     spacing = np.sqrt(4.0 * np.pi / count)
     normals = positions + 0.05 * rng.normal(size=positions.shape)
     return cloud_of(positions, normals, rng.uniform(0.9, 1.4, count) * spacing)
+
+
+def beside_a_far_triangle(mesh: Mesh) -> Mesh:
+    """Return a mesh with one triangle far away, so that none of its own is big for it and base surfels split none."""
+    first = len(mesh.positions)
+    far = [[1e4, 0.0, 0.0], [1e4, 0.01, 0.0], [1e4, 0.0, 0.01]]
+    return mesh_of(
+        np.concatenate([mesh.positions, far]),
+        np.concatenate([mesh.faces, [[first, first + 1, first + 2]]]),
+        normals=np.concatenate([mesh.normals, [[1.0, 0.0, 0.0]] * 3]),
+        colors=None if mesh.colors is None else np.concatenate([mesh.colors, mesh.colors[:3]]),
+        closed=mesh.closed,
+    )
