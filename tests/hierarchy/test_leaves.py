@@ -45,6 +45,10 @@ def test_shapes_are_those_of_the_sorted_triangles(make):
     np.testing.assert_allclose(shapes.centres, corners.mean(axis=1), atol=1e-6)
     np.testing.assert_array_equal(codes, morton_codes(shapes.centres))
     assert len(shapes.radii) == 0
+    # The spheres around the centres hold the corners, and just so.
+    reach = np.linalg.norm(corners - shapes.centres[:, None], axis=2).max(axis=1)
+    assert (reach <= shapes.extents).all()
+    np.testing.assert_allclose(shapes.extents, reach, rtol=1e-5)
     for leaf in range(0, len(triangles), 7):
         for k in range(3):
             found = corner(shapes.positions, shapes.indices, shapes.radii, shapes.normals, leaf, k)
@@ -82,6 +86,7 @@ def test_surfels_stay_together():
     np.testing.assert_array_equal(codes, np.sort(morton_codes(cloud.positions)))
     np.testing.assert_array_equal(codes, morton_codes(surfels.positions))
     assert shapes.indices.shape == (0, 3)
+    np.testing.assert_array_equal(shapes.extents, surfels.radii)
     # Weights in proportion to the discs' areas.
     np.testing.assert_allclose(shapes.areas / shapes.areas[0], (surfels.radii / surfels.radii[0]) ** 2, rtol=1e-5)
 
