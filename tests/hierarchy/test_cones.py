@@ -132,7 +132,7 @@ def test_nearly_identical_normals_have_a_narrow_cap(lean):
 
 
 @LAWS
-@given(seeds, st.integers(1, 8), st.integers(1, 14), spreads)
+@given(seeds, st.integers(1, 4), st.integers(1, 12), spreads)
 def test_stored_cones_hold_every_normal_and_are_optimal(seed, nodes, count, spread):
     normals = np.concatenate([scattered(seed + k, count, spread) for k in range(nodes)]).astype(np.float32)
     begin = np.arange(nodes, dtype=np.int32) * count

@@ -82,3 +82,9 @@ def test_frames_turn_smoothly_within_each_half():
             moved = np.linalg.norm(frame(a)[0] - frame(b)[0])
             # The basis turns at most twice as fast as the normal does.
             assert moved <= 2.1 * np.linalg.norm(a - b) + 1e-12
+
+
+def test_the_equator_belongs_to_the_upper_half():
+    # Both branches would do there; the drawing takes this one, too.
+    np.testing.assert_array_equal(np.array(tangents(1.0, 0.0, 0.0)), [0, 0, -1, 0, 1, 0])
+    np.testing.assert_array_equal(np.array(tangents(0.0, 1.0, 0.0)), [1, 0, 0, 0, 0, -1])
