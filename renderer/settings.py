@@ -19,7 +19,7 @@ class Settings:
     material : one of MATERIALS
     use_colors : show the model's own colours where it has them
     silhouette_overlay : tint what the selection holds for silhouette
-    splat_outlines : darken the rim of every splat and the edges of leaf triangles
+    splat_outlines : darken the rim of every splat
     lod_colors : colour splats by their radius on screen, leaf triangles in grey
     ground : a soft shadow on a floor below the model
     ground_up : direction away from the floor, model space

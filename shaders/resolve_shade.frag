@@ -17,12 +17,21 @@ uniform vec3 base_color;  // linear
 uniform bool use_colors;
 #endif
 
+// Turn a normal that faces away. At the outline of a surface seen from its front some do, by a little: turned round they
+// would glare, so they are laid across the line of sight instead.
+vec3 towards_eye(vec3 n, vec3 ray)
+{
+    float away = dot(n, ray);
+    if (away <= 0.0) return n;
+    return away > 0.2 ? -n : normalize(n - away * ray);
+}
+
 vec3 shade(Sums sums)
 {
     vec3 ray = normalize(vec3((v_uv * 2.0 - 1.0) * ray_slope, -1.0));
     float norm = length(sums.normal.xyz);
     vec3 n = norm > 0.0 ? sums.normal.xyz / norm : -ray;
-    if (two_sided && dot(n, ray) > 0.0) n = -n;
+    if (two_sided) n = towards_eye(n, ray);
     vec3 albedo = base_color;
 #ifdef COLOR
     if (use_colors) albedo = linear_from_srgb(sums.color.rgb / sums.color.a);

@@ -7,6 +7,10 @@ import pytest
 SHARED_MODELS = Path(__file__).resolve().parents[2] / "shared" / "models"
 
 
+def pytest_addoption(parser):
+    parser.addoption("--update-goldens", action="store_true", help="draw the golden pictures anew (tests/renderer)")
+
+
 @pytest.fixture(scope="session")
 def shared_models():
     """The folder of real models beside the repository; tests that need it are skipped where it is absent."""
