@@ -124,6 +124,18 @@ def test_depth_at_is_the_depth_but_for_epsilon(draw: Draw, renderer: Renderer, m
                 assert depth == float("inf")
 
 
+def test_a_splat_that_is_pushed_beyond_the_far_plane_is_drawn(draw: Draw, renderer: Renderer, meteoroid: Scene) -> None:
+    hierarchy, tiles = meteoroid
+    root = Cut(np.zeros(1, np.uint32), np.empty((0, 3), np.uint32), 0, 0, 1)
+    view = view_of(hierarchy)
+    frame, _ = draw(view, hierarchy, tiles, cut=root)
+    drawn = np.argwhere(frame.coverage > 0.0)
+    assert len(drawn) > 100
+    push = 2.0 * hierarchy.splats["thickness"][0]
+    assert frame.depth[frame.coverage > 0.0].min() + push > view.far
+    assert all(renderer.depth_at(column, row) <= view.far for row, column in drawn[::20])
+
+
 def test_the_same_frame_twice_gives_the_same_bytes(draw: Draw, meteoroid: Scene) -> None:
     first, cut = draw(view_of(meteoroid[0]), *meteoroid)
     draw(view_of(meteoroid[0], eye=(3, 0, 1)), *meteoroid)
