@@ -25,8 +25,8 @@ from hierarchy.view import View
 FRONT, SILHOUETTE, BACK = 0, 1, 2
 
 # A silhouette surfel is fine enough where its footprint stays within this share of r_sil of its plane: then it sticks
-# out by a fraction of r_sil only, however wide it is. On Igea at r_sil 2 the outline grows by 0.13, 0.15 and 0.20 pixels
-# at 0.4, 0.65 and 1, with 13,100, 9,700 and 7,300 primitives.
+# out by a fraction of r_sil only, however wide it is. On Igea at r_sil 2 the outline grows by 0.13, 0.15 and 0.20
+# pixels at 0.4, 0.65 and 1, with 13,100, 9,700 and 7,300 primitives.
 RELIEF_OF_R_SIL = 0.65
 # A footprint whose normals spread further than 30 degrees from their axis is a crease or a spike, for which no disc
 # can stand: it is drawn as finely as the silhouette. Igea: 740 primitives more, mean error 0.43 instead of 0.50
