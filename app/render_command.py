@@ -45,7 +45,8 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
         view = view_of_pose(frame_scene(scene, options.camera, resolution), scene, resolution)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    settings = Settings(normal_mapping=options.normal_mapping)
+    # The inside of an open surface shows; a closed one's does not.
+    settings = Settings(normal_mapping=options.normal_mapping, two_sided=not scene.hierarchy.closed)
     reporter.progress("Drawing", 0.0)
     ctx = create_headless_context()
     try:

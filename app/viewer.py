@@ -139,6 +139,8 @@ class Viewer:
             if self._opens:
                 self.state.history.clear()
                 self._frame(scene, resolution)
+                # The inside of an open surface shows; a closed one's does not.
+                self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
                 for warning in scene.hierarchy.warnings:
                     self.state.say(warning)
             self.scene = scene

@@ -103,8 +103,7 @@ class Viewport:
     def release(self) -> None:
         """Give back what is held on the GPU."""
         self._renderer.release()
-        if self._target is not None:
-            self._target.release()
+        self._release_target()
 
     def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
         """Everything that the picture depends on; equal means that the picture is the same."""
@@ -113,7 +112,15 @@ class Viewport:
 
     def _framebuffer(self) -> moderngl.Framebuffer:
         if self._target is None or self._target.size != self.size:
-            if self._target is not None:
-                self._target.release()
-            self._target = self._ctx.simple_framebuffer(self.size)
+            self._release_target()
+            # No depth: OpenGL refuses to copy it to a window whose depth has another format.
+            self._target = self._ctx.framebuffer([self._ctx.renderbuffer(self.size, 4)])
         return self._target
+
+    def _release_target(self) -> None:
+        if self._target is not None:
+            attachments = self._target.color_attachments
+            self._target.release()
+            for attachment in attachments:
+                attachment.release()
+            self._target = None
