@@ -140,7 +140,8 @@ class Viewer:
                 self.state.history.clear()
                 self._frame(scene, resolution)
                 # The inside of an open surface shows; a closed one's does not.
-                self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
+                up = (0.0, 0.0, 1.0) if scene.source.z_up else (0.0, 1.0, 0.0)
+                self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed, ground_up=up)
                 for warning in scene.hierarchy.warnings:
                     self.state.say(warning)
             self.scene = scene
