@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from hierarchy.cones import EVERYTHING, bounding_cap, normal_cones, widened_cosine
 
-LAWS = settings(derandomize=True, deadline=None, max_examples=300)
+LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
 RIGHT_ANGLE = 0.5 * math.pi
 # What a dot product of unit vectors is off by.

@@ -16,7 +16,7 @@ from hierarchy.leaves import sort_surfels, sort_triangles
 from hierarchy.model import Mesh
 from hierarchy.octree import build_octree
 
-LAWS = settings(derandomize=True, deadline=None, max_examples=300)
+LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
 seeds = st.integers(0, 2**32 - 1)
 RIM = np.linspace(0.0, 2.0 * math.pi, 64, endpoint=False)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hierarchy.enclosing import cap_with_pivot, circle_with_pivot
 
-LAWS = settings(derandomize=True, deadline=None, max_examples=300)
+LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
 # How close together the points are, from all over to nearly identical.
 spreads = st.sampled_from([1.0, 0.1, 1e-3, 1e-6])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hierarchy.encoding import decode_hemisphere, encode_hemisphere
 
-LAWS = settings(derandomize=True, deadline=None, max_examples=300)
+LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
 # Directions of the upper hemisphere, rim and pole included.
 azimuths = st.floats(-math.pi, math.pi)

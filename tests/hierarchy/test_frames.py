@@ -42,7 +42,7 @@ def test_frames_are_right_handed_at(name):
     assert_frame(SEAMS[name], 1e-12)
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(derandomize=True, deadline=None, max_examples=150)
 @given(st.floats(-1.0, 1.0), st.floats(-math.pi, math.pi))
 def test_frames_are_right_handed_all_over_the_sphere(z, phi):
     ring = math.sqrt(1.0 - z * z)
@@ -50,7 +50,7 @@ def test_frames_are_right_handed_all_over_the_sphere(z, phi):
     assert_frame(n / np.linalg.norm(n), 1e-12)
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(derandomize=True, deadline=None, max_examples=150)
 @given(st.floats(-1.0, 1.0), st.floats(-math.pi, math.pi))
 def test_single_precision_normals_keep_six_digits(z, phi):
     ring = math.sqrt(1.0 - z * z)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from hierarchy.octree import MIN_LEAVES, build_octree
 
-LAWS = settings(derandomize=True, deadline=None, max_examples=200)
+LAWS = settings(derandomize=True, deadline=None, max_examples=100)
 
 # Clumps: many leaves in one cell, cells that share long prefixes, codes all over.
 codes = st.lists(

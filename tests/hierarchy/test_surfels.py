@@ -10,7 +10,7 @@ from small_models import beside_a_far_triangle, box, bumpy_sphere, icosphere, me
 
 from hierarchy.surfels import LEAST_LEAN_COSINE, MOST_SURFELS, OVERSHOOT, enclosing_disc, surfels_of_mesh
 
-LAWS = settings(derandomize=True, deadline=None, max_examples=300)
+LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
 
 def disc_around(corners):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hierarchy.view import clip_planes, look_at
 
-LAWS = settings(derandomize=True, deadline=None, max_examples=200)
+LAWS = settings(derandomize=True, deadline=None, max_examples=100)
 
 UNIT_SPHERE = ((0.0, 0.0, 0.0), 1.0)
 seeds = st.integers(0, 2**32 - 1)
