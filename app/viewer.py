@@ -140,8 +140,7 @@ class Viewer:
                 self.state.history.clear()
                 self._frame(scene, resolution)
                 # The inside of an open surface shows; a closed one's does not.
-                up = (0.0, 0.0, 1.0) if scene.source.z_up else (0.0, 1.0, 0.0)
-                self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed, ground_up=up)
+                self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
                 for warning in scene.hierarchy.warnings:
                     self.state.say(warning)
             self.scene = scene
