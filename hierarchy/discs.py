@@ -18,7 +18,7 @@ from hierarchy.leaves import SURFEL_CORNERS, LeafShapes, corner
 from hierarchy.model import Float32Array, Int32Array
 
 # Below this share of the summed areas the mean normal is noise (the sides of a thin sheet cancel).
-MEAN_NORMAL_MIN = 0.05
+MEAN_NORMAL_MIN = 0.3
 # Twice the rounding of a float32 coordinate: what the stored centre may be off by, added to radii.
 FLOAT32_SLACK = 1.2e-7
 

@@ -32,6 +32,9 @@ RELIEF_OF_R_SIL = 0.65
 # can stand: it is drawn as finely as the silhouette. Igea: 740 primitives more, mean error 0.43 instead of 0.50
 # degrees; fandisk: its edges stay straight, mean error 0.14 instead of 0.36.
 BENT_COSINE = math.cos(math.radians(30.0))
+# Radius in pixels up to which a node may be drawn whose normals face all ways, on a surface that shows one side only:
+# the two sides of a thin wall, of which its disc has one and may well have the hidden one.
+BOTH_SIDES = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +178,10 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type
             bent = node["print_cos"] < BENT_COSINE
             shows = node["relief"] * pixels > RELIEF_OF_R_SIL * r_sil
             fine = silhouette if printed else (silhouette or bent) and shows
-            if node["radius"] * pixels <= (r_sil if fine else r_inner):
+            limit = r_sil if fine else r_inner
+            if cull_back and not printed and node["cone_cos"] == EVERYTHING:
+                limit = min(limit, BOTH_SIDES)
+            if node["radius"] * pixels <= limit:
                 if silhouette:
                     splats[sil_splats] = index
                     sil_splats += 1

@@ -112,9 +112,9 @@ def clip_planes(eye_from_model: Float64Array, bounds: tuple[npt.ArrayLike, float
     centre, radius = np.asarray(bounds[0], np.float64), float(bounds[1])
     radius = radius if radius > 0.0 else 1.0
     depth = -float((eye_from_model[:3, :3] @ centre + eye_from_model[:3, 3])[2])
-    # A margin of 1% keeps what lies exactly on the sphere off the planes.
-    far = max(depth + 1.01 * radius, 1e-3 * radius)
-    near = max(depth - 1.01 * radius, NEAR_OVER_FAR * far)
+    # A margin of 5% keeps the nearest nodes, whose spheres reach beyond the model's, off the near plane.
+    far = max(depth + 1.05 * radius, 1e-3 * radius)
+    near = max(depth - 1.05 * radius, NEAR_OVER_FAR * far)
     return near, far
 
 

@@ -17,6 +17,7 @@ from hierarchy.leaves import Triangles
 from hierarchy.lod import (
     BACK,
     BENT_COSINE,
+    BOTH_SIDES,
     FRONT,
     RELIEF_OF_R_SIL,
     SILHOUETTE,
@@ -239,7 +240,8 @@ def test_larger_radii_draw_no_more(name):
         view = view_of(hierarchy, "outside", seed, resolution=(200, 200))
         counts = []
         for r in (0.0, 0.5, 1.0, 2.0, 5.0, 12.0, 30.0, 100.0):
-            cut = select_cut(hierarchy, view, r, 4.0 * r)
+            # Nothing culled for facing away: one splat can replace leaves of which none was left.
+            cut = select_cut(hierarchy, view, r, 4.0 * r, two_sided=True)
             counts.append((cut.splat_count + cut.triangle_count, cut.visited_nodes))
         assert counts == sorted(counts, reverse=True)
 
@@ -371,3 +373,14 @@ def test_frustum_planes_agree_with_the_projection(seed, view_angle, width, heigh
     distances = (points - view.eye) @ planes[:, :3].T + planes[:, 3]
     clear = (np.abs(distances) > 1e-9).all(axis=1)
     np.testing.assert_array_equal((distances > 0.0)[clear], (margins > 0.0)[clear])
+
+
+def test_thin_closed_wall_never_shows_its_hidden_side():
+    hierarchy = build_hierarchy(dataclasses.replace(thin_sheet(60, 0.004), closed=True))
+    view = look_at((0.3, 0.2, 3.0), (0, 0, 0), (0, 1, 0), math.radians(45.0), (1024, 1024), bounds=hierarchy.bounds)
+    cut = select_cut(hierarchy, view, 2.0, 16.0)
+    splats = hierarchy.splats[cut.splats]
+    facing = np.einsum("ij,ij->i", splats["normal"], splats["centre"] - view.eye)
+    size = splats["radius"] * view.focal_pixels / 3.0
+    assert cut.splat_count + cut.triangle_count > 0
+    assert not ((facing > 0) & (size > 2.0 * BOTH_SIDES)).any()

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from hierarchy.cones import EVERYTHING
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
-from hierarchy.lod import BACK, BENT_COSINE, FRONT, RELIEF_OF_R_SIL, SILHOUETTE
+from hierarchy.lod import BACK, BENT_COSINE, BOTH_SIDES, FRONT, RELIEF_OF_R_SIL, SILHOUETTE
 from hierarchy.view import View
 
 Float64Array = npt.NDArray[np.float64]
@@ -120,7 +120,10 @@ def select(
             if not printed_cone_test:
                 bent = print_ > math.acos(BENT_COSINE)
                 fine = (silhouette or bent) and float(node["relief"]) * pixels > RELIEF_OF_R_SIL * r_sil
-            if float(node["radius"]) * pixels <= (r_sil if fine else r_inner):
+            limit = r_sil if fine else r_inner
+            if cull_back and not printed_cone_test and own >= math.pi / 2:
+                limit = min(limit, BOTH_SIDES)
+            if float(node["radius"]) * pixels <= limit:
                 selection.nodes[index] = silhouette
                 continue
         children = range(node["first_child"], node["first_child"] + node["child_count"])
