@@ -6,14 +6,19 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app.errors import UsageError, graphics_errors
 from app.export import check_writable, is_picture, read_picture, write_arrays, write_png
 from app.framing import frame_scene, view_of_pose
 from app.options import Options
 from app.progress import Reporter
-from app.scene import ModelSource, Scene, open_scene
+from app.scene import ModelSource, Scene, bake_scene, open_scene
 from app.statistics import Statistic, draw_frames, frame_statistics, scene_statistics
+
+if TYPE_CHECKING:
+    from hierarchy.view import View
+    from renderer.settings import Settings
 
 DEFAULT_RESOLUTION = (1024, 1024)
 
@@ -27,7 +32,7 @@ def run_render(options: Options) -> None:
         check_writable(path)
     reporter = Reporter(options.verbose)
     source = ModelSource(options.model, options.texture, options.points)
-    scene = open_scene(source, options.texels if options.normal_mapping else None, reporter.progress)
+    scene = open_scene(source, None, reporter.progress)
     reporter.warnings(scene.hierarchy.warnings)
     statistics = draw_scene(scene, options, reporter)
     if options.json:
@@ -47,6 +52,8 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
         raise UsageError(str(error)) from error
     # The inside of an open surface shows; a closed one's does not.
     settings = Settings(normal_mapping=options.normal_mapping, two_sided=not scene.hierarchy.closed)
+    if options.normal_mapping:
+        scene = _bake_what_is_seen(scene, view, settings, options, reporter)
     reporter.progress("Drawing", 0.0)
     ctx = create_headless_context()
     try:
@@ -74,12 +81,21 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
     return statistics
 
 
+def _bake_what_is_seen(scene: Scene, view: View, settings: Settings, options: Options, reporter: Reporter) -> Scene:
+    """Bake the tiles of the splats that the view draws: some thousands, where the model may have a million."""
+    from hierarchy.lod import select_cut
+
+    cut = select_cut(scene.hierarchy, view, options.r_sil, options.r_inner, two_sided=settings.two_sided)
+    nodes = cut.splats[cut.splats < scene.hierarchy.node_count]
+    return bake_scene(scene, options.texels, reporter.progress, nodes=nodes)
+
+
 def render_instead_of_window(options: Options, reason: str, output: Path) -> None:
     """Draw what the window would have shown to a file, and say so on standard output."""
     options = replace(options, outputs=(output,))
     check_writable(output)
     reporter = Reporter(options.verbose)
-    scene = open_scene(ModelSource(options.model, options.texture, options.points), options.texels, reporter.progress)
+    scene = open_scene(ModelSource(options.model, options.texture, options.points), None, reporter.progress)
     reporter.warnings(scene.hierarchy.warnings)
     draw_scene(scene, options, reporter)
     print(f"{reason}: the picture is in {output}")

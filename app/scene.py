@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from hierarchy.model import Mesh, Model, ModelError, Progress, ignore_progress
+from hierarchy.model import Mesh, Model, ModelError, Progress, UInt32Array, ignore_progress
 
 if TYPE_CHECKING:
     from hierarchy.hierarchy import Hierarchy
@@ -87,11 +87,16 @@ def open_scene(source: ModelSource, texels: int | None, progress: Progress = ign
     return scene if texels is None else bake_scene(scene, texels, progress)
 
 
-def bake_scene(scene: Scene, texels: int, progress: Progress = ignore_progress) -> Scene:
-    """Return the scene with tiles of `texels` x `texels` normals; progress may raise `Cancelled`."""
+def bake_scene(
+    scene: Scene, texels: int, progress: Progress = ignore_progress, *, nodes: UInt32Array | None = None
+) -> Scene:
+    """Return the scene with tiles of `texels` x `texels` normals; progress may raise `Cancelled`.
+
+    nodes : uint32 (K,), bake the tiles of these nodes only; None: of all
+    """
     from hierarchy.normal_tiles import bake_tiles
 
-    tiles, bake_s = _timed(lambda: bake_tiles(scene.hierarchy, texels, progress=progress))
+    tiles, bake_s = _timed(lambda: bake_tiles(scene.hierarchy, texels, nodes=nodes, progress=progress))
     return Scene(scene.source, scene.content, scene.hierarchy, tiles, scene.load_s, scene.build_s, bake_s)
 
 

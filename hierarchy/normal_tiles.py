@@ -24,7 +24,7 @@ from hierarchy.frames import tangents
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.kernel import gaussian
 from hierarchy.leaves import Triangles
-from hierarchy.model import Progress, UInt8Array, ignore_progress
+from hierarchy.model import Progress, UInt8Array, UInt32Array, ignore_progress
 
 # Tiles lie in the layers of an array texture of this size: every OpenGL 3.3 has it, and 256 layers of it (1M tiles
 # of 16 x 16) besides.
@@ -40,13 +40,15 @@ class NormalTiles:
     """The tiles of all nodes, laid out as the GPU reads them.
 
     texels : texels along one side of a tile (w_s)
-    count : number of tiles
+    count : number of tiles, one a node
+    baked : how many of them were baked; the others are flat, every texel the disc's own normal
     normals : uint8 (layers, LAYER_SIZE, LAYER_SIZE, 2), hemi-octahedral in the node's own frame
     colors : uint8 (layers, LAYER_SIZE, LAYER_SIZE, 4), or None
     """
 
     texels: int
     count: int
+    baked: int
     normals: UInt8Array
     colors: UInt8Array | None
 
@@ -217,9 +219,10 @@ def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: i
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _bake(nodes, disc_normals, leaves, triangles, first, last, texels, normals, colors):  # type: ignore[no-untyped-def]
+def _bake(nodes, disc_normals, leaves, triangles, wanted, texels, normals, colors):  # type: ignore[no-untyped-def]
     side = LAYER_SIZE // texels
-    for node in nb.prange(first, last):
+    for i in nb.prange(len(wanted)):
+        node = wanted[i]
         frame = np.empty((3, 3), np.float64)
         for k in range(3):
             frame[2, k] = disc_normals[node, k]
@@ -236,10 +239,13 @@ def _bake(nodes, disc_normals, leaves, triangles, first, last, texels, normals, 
         _store(nearest, sums, frame, triangles, tile, color_layer[row : row + texels, column : column + texels])
 
 
-def bake_tiles(hierarchy: Hierarchy, texels: int, *, progress: Progress = ignore_progress) -> NormalTiles:
-    """Bake the normal tile of every node; colours too where the model has them.
+def bake_tiles(
+    hierarchy: Hierarchy, texels: int, *, nodes: UInt32Array | None = None, progress: Progress = ignore_progress
+) -> NormalTiles:
+    """Bake the normal tiles of the nodes; colours too where the model has them.
 
     texels : texels along one side of a tile (w_s), 1..LAYER_SIZE
+    nodes : uint32 (K,), bake the tiles of these nodes only; None: of all
     progress : called from this thread; an exception that it raises ends the work
     Raises ValueError where `texels` is out of range.
     """
@@ -262,9 +268,10 @@ def bake_tiles(hierarchy: Hierarchy, texels: int, *, progress: Progress = ignore
         colors,
     )
     disc_normals = np.ascontiguousarray(hierarchy.splats["normal"][:count])
-    for first in range(0, count, BLOCK):
-        progress("Baking normal tiles", first / count)
-        last = min(first + BLOCK, count)
-        _bake(hierarchy.nodes, disc_normals, arrays, triangles, first, last, texels, normals, atlas)
+    wanted = np.arange(count, dtype=np.uint32) if nodes is None else nodes
+    for first in range(0, len(wanted), BLOCK):
+        progress("Baking normal tiles", first / len(wanted))
+        block = wanted[first : first + BLOCK]
+        _bake(hierarchy.nodes, disc_normals, arrays, triangles, block, texels, normals, atlas)
     progress("Baking normal tiles", 1.0)
-    return NormalTiles(texels, count, normals, atlas if has_colors else None)
+    return NormalTiles(texels, count, len(wanted), normals, atlas if has_colors else None)

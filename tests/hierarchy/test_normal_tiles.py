@@ -345,3 +345,14 @@ def test_tiles_do_not_depend_on_the_blocks_they_are_baked_in(monkeypatch):
     blocks = bake_tiles(hierarchy, 4, progress=lambda stage, fraction: calls.append(fraction))
     np.testing.assert_array_equal(blocks.normals, whole.normals)
     assert len(calls) == -(-hierarchy.node_count // 7) + 1
+
+
+def test_only_the_wanted_nodes_are_baked():
+    hierarchy = build_hierarchy(bumpy_sphere(4))
+    whole = bake_tiles(hierarchy, 8)
+    wanted = np.array([7, 0, 3], np.uint32)
+    some = bake_tiles(hierarchy, 8, nodes=wanted)
+    assert (some.baked, some.count, whole.baked) == (3, hierarchy.node_count, hierarchy.node_count)
+    for node in range(hierarchy.node_count):
+        expected = whole.normal_codes(node) if node in wanted else np.full((8, 8, 2), 128)
+        np.testing.assert_array_equal(some.normal_codes(node), expected)

@@ -183,7 +183,7 @@ def by_hand(centres: object, normals: object, radii: object, thickness: object =
     cloud = PointCloud("by hand", np.zeros(3), centres, normals, radii)
     splats = np.zeros(len(centres), SPLAT)
     splats["centre"], splats["normal"], splats["radius"], splats["thickness"] = centres, normals, radii, thickness
-    tiles = NormalTiles(4, len(splats) - 1, np.zeros((1, LAYER_SIZE, LAYER_SIZE, 2), np.uint8), None)
+    tiles = NormalTiles(4, len(splats) - 1, len(splats) - 1, np.zeros((1, LAYER_SIZE, LAYER_SIZE, 2), np.uint8), None)
     tiles.normals[:] = np.random.default_rng(7).integers(48, 208, tiles.normals.shape)
     return dataclasses.replace(build_hierarchy(cloud), splats=splats), tiles
 

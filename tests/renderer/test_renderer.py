@@ -189,7 +189,7 @@ def test_tiles_in_many_layers_are_found(draw: Draw, meteoroid: Scene) -> None:
         layers[layer, row : row + tiles.texels, column : column + tiles.texels] = tiles.normal_codes(tile)
     assert len(layers) > 4
     assert LAYER_SIZE != 64
-    frame, _ = draw(view, hierarchy, NormalTiles(tiles.texels, tiles.count, layers, None))
+    frame, _ = draw(view, hierarchy, NormalTiles(tiles.texels, tiles.count, tiles.baked, layers, None))
     assert same(frame, expected)
 
 
@@ -205,7 +205,7 @@ def test_what_does_not_fit_leaves_the_old_one_in_place(
     layers = ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"] + 1
     many = np.broadcast_to(np.zeros(1, np.uint8), (layers, LAYER_SIZE, LAYER_SIZE, 2))
     with pytest.raises(GpuError, match="smaller w_s"):
-        renderer.set_tiles(NormalTiles(16, 1, many, None))
+        renderer.set_tiles(NormalTiles(16, 1, 1, many, None))
     with monkeypatch.context() as patch:
         patch.setattr("renderer.buffers.check_memory", no_memory)
         with pytest.raises(GpuError, match="no memory"):
