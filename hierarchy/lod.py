@@ -143,11 +143,28 @@ def _classify(node, x, y, z, distance2, sphere, view):  # type: ignore[no-untype
     return side, classify_cone(facing, distance2, sphere, print_sin, print_cos)
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def _largest_radius(node, pixels, silhouette, limits, printed, one_sided):  # type: ignore[no-untyped-def]
+    """Return the radius in pixels up to which a node's splat may be drawn.
+
+    pixels : of a unit length at the node
+    limits : r_sil and r_inner
+    """
+    r_sil, r_inner = limits
+    if printed:
+        return r_sil if silhouette else r_inner
+    bent = node["print_cos"] < BENT_COSINE
+    shows = node["relief"] * pixels > RELIEF_OF_R_SIL * r_sil
+    limit = r_sil if (silhouette or bent) and shows else r_inner
+    if one_sided and node["cone_cos"] == EVERYTHING:
+        limit = min(limit, BOTH_SIDES)
+    return limit
+
+
 @nb.njit(cache=True, nogil=True)
 def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type: ignore[no-untyped-def]
     """Traverse breadth-first; what lies on the silhouette fills its array from the front, the rest from the back."""
     eye, axis, near, focal, printed, _, _ = view
-    r_sil, r_inner = limits
     triangles = len(indices) > 0
     count = len(nodes)
     leaf_total = nodes[0]["leaf_end"]
@@ -175,12 +192,7 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type
         depth = x * axis[0] + y * axis[1] + z * axis[2]
         if depth - sphere > near and distance2 > sphere * sphere:
             pixels = focal / depth
-            bent = node["print_cos"] < BENT_COSINE
-            shows = node["relief"] * pixels > RELIEF_OF_R_SIL * r_sil
-            fine = silhouette if printed else (silhouette or bent) and shows
-            limit = r_sil if fine else r_inner
-            if cull_back and not printed and node["cone_cos"] == EVERYTHING:
-                limit = min(limit, BOTH_SIDES)
+            limit = _largest_radius(node, pixels, silhouette, limits, printed, cull_back)
             if node["radius"] * pixels <= limit:
                 if silhouette:
                     splats[sil_splats] = index
