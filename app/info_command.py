@@ -39,9 +39,8 @@ def as_text(scene: Scene) -> str:
     content, hierarchy, tiles = scene.content, scene.hierarchy, scene.tiles
     holds = f"{content.points:,} points"
     if content.kind == "mesh":
-        holds = (
-            f"{content.triangles:,} triangles, {content.points:,} vertices, {'closed' if content.closed else 'open'}"
-        )
+        side = "closed" if content.closed else "open"
+        holds = f"{content.triangles:,} triangles, {content.points:,} vertices (creases split), {side}"
     lines = {
         "model": f"{hierarchy.name} ({content.kind})",
         "holds": holds,

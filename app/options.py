@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
 
@@ -126,8 +127,16 @@ def _parser(command: str) -> _Parser:
         parser.add_argument("--frames", metavar="N", type=_whole(1, 1_000_000), help="draw N frames, report medians")
     if command != "window":
         parser.add_argument("--json", action="store_true", help="statistics on standard output")
+    parser.add_argument("--version", action="version", version=f"surfelscope {_version()}")
     parser.add_argument("--verbose", action="store_true", help="say on standard error what is being done")
     return parser
+
+
+def _version() -> str:
+    try:
+        return metadata.version("surfelscope")
+    except metadata.PackageNotFoundError:
+        return "(not installed)"
 
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:

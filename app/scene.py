@@ -43,9 +43,9 @@ class Content:
     """What a file holds.
 
     kind : "mesh" or "point cloud"
-    points : number of vertices or points
+    points : number of vertices or points once cleaned; a vertex on a crease or a seam counts once a side
     triangles : 0 for a point cloud
-    normals : "in the file" (or made from the faces of a mesh) or "estimated"
+    normals : "one a vertex" of a mesh, from the file or from its faces; of a cloud "in the file" or "estimated"
     lower, upper : corners of the bounding box in the file's own space
     """
 
@@ -120,12 +120,18 @@ def _content(model: Model) -> Content:
         kind="mesh" if is_mesh else "point cloud",
         points=len(model.positions),
         triangles=len(model.faces) if isinstance(model, Mesh) else 0,
-        normals="estimated" if not isinstance(model, Mesh) and model.estimated_normals else "in the file",
+        normals=_normals(model),
         colored=model.colors is not None,
         closed=isinstance(model, Mesh) and model.closed,
         lower=(float(lower[0]), float(lower[1]), float(lower[2])),
         upper=(float(upper[0]), float(upper[1]), float(upper[2])),
     )
+
+
+def _normals(model: Model) -> str:
+    if isinstance(model, Mesh):
+        return "one a vertex"
+    return "estimated" if model.estimated_normals else "in the file"
 
 
 def _timed(work: Callable[[], T]) -> tuple[T, float]:

@@ -27,10 +27,12 @@ class FrameTimes:
 
     select : choosing the level of detail
     draw : the three passes, until the GPU has finished
+    stages : the passes by name
     """
 
     select: float
     draw: float
+    stages: dict[str, float]
 
     @property
     def frame(self) -> float:
@@ -60,7 +62,7 @@ def draw_frames(
         renderer.draw(cut, view, settings, framebuffer)
         framebuffer.ctx.finish()
         drawn = time.perf_counter()
-        times.append(FrameTimes(1e3 * (selected - start), 1e3 * (drawn - selected)))
+        times.append(FrameTimes(1e3 * (selected - start), 1e3 * (drawn - selected), renderer.timings))
     return cut, times
 
 
@@ -97,7 +99,7 @@ def frame_statistics(
         "select_ms": round(median(t.select for t in times), 4),
         "draw_ms": round(median(t.draw for t in times), 4),
         "frame_ms": round(median(t.frame for t in times), 4),
-        **{f"{stage}_ms": round(milliseconds, 4) for stage, milliseconds in renderer.timings.items()},
+        **{f"{stage}_ms": round(median(t.stages[stage] for t in times), 4) for stage in times[-1].stages},
         "gpu_bytes": int(renderer.gpu_bytes),
         "gl_renderer": ctx.info["GL_RENDERER"],
         "gl_version": ctx.info["GL_VERSION"],

@@ -13,6 +13,9 @@ from hierarchy.part import AnyArray, Int64Array, Part, UnreadableFile, colors_fr
 from hierarchy.ply import fan_triangles
 from hierarchy.unique_rows import unique_rows
 
+# How many numbers a line of each kind has at least.
+LEAST_NUMBERS = {b"v": 3, b"vn": 3, b"vt": 1, b"f": 3}
+
 
 def read_obj(path: Path, warnings: list[str]) -> list[Part]:
     """Read the faces of an OBJ file, one part per material, or its points where it has no faces.
@@ -23,6 +26,8 @@ def read_obj(path: Path, warnings: list[str]) -> list[Part]:
     from hierarchy.obj_scan import count_lines, scan_lines
 
     data = path.read_bytes().replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    if _is_cut_off(data):
+        raise UnreadableFile("truncated: its last line is cut off")
     text = np.frombuffer(data, np.uint8)
     vertices, coordinates, normals, counts, starts, corners = scan_lines(text, count_lines(text))
     if len(vertices) == 0:
@@ -50,6 +55,12 @@ def read_obj(path: Path, warnings: list[str]) -> list[Part]:
         parts = [points]
     parts[0].bad_faces = int(len(whole) - whole.sum())
     return parts
+
+
+def _is_cut_off(data: bytes) -> bool:
+    """Tell whether the last line has no end and too few numbers for what it starts with."""
+    last = data[data.rfind(b"\n") + 1 :].split()
+    return bool(last) and len(last) < 1 + LEAST_NUMBERS.get(last[0], 0)
 
 
 def _by_material(path: Path, data: bytes, starts: Int64Array, warnings: list[str]) -> list[tuple[Material, AnyArray]]:

@@ -115,7 +115,8 @@ def clip_planes(eye_from_model: Float64Array, bounds: tuple[npt.ArrayLike, float
     # A margin of 5% keeps the nearest nodes, whose spheres reach beyond the model's, off the near plane.
     far = max(depth + 1.05 * radius, 1e-3 * radius)
     near = max(depth - 1.05 * radius, NEAR_OVER_FAR * far)
-    return near, far
+    # From so far away that the model's size is lost in the rounding of its distance, a slab around it must do.
+    return min(near, (1.0 - 1e-6) * far), far
 
 
 def screen_box(view: View, half_extents: Float64Array) -> tuple[int, int, int, int]:

@@ -126,3 +126,11 @@ def test_real_files(shared_models):
     assert len(spot.positions) == 3225
     (bunny,) = read_obj(shared_models / "stanford-bunny.obj", [])
     assert len(bunny.faces) == 69_451
+
+
+@pytest.mark.parametrize("rest", ["v 1.0 2", "vn 0 1", "f 1 2", "f"])
+def test_last_line_cut_off(tmp_path, rest):
+    path = tmp_path / "cut.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" + rest)
+    with pytest.raises(UnreadableFile, match="truncated"):
+        read_obj(path, [])

@@ -182,3 +182,10 @@ def test_views_that_cannot_be(change, message):
     }
     with pytest.raises(ValueError, match=message):
         look_at(**{**values, **change}, bounds=UNIT_SPHERE)
+
+
+@pytest.mark.parametrize("distance", [1e3, 1e15, 1e16, 1e30])
+def test_clip_planes_far_away_stay_apart(distance):
+    view = look_at((0, 0, distance), (0, 0, 0), (0, 1, 0), 0.8, (64, 64), bounds=((0, 0, 0), 1.0))
+    assert 0.0 < view.near < view.far
+    assert np.isfinite(view.clip_from_eye).all()
