@@ -58,9 +58,16 @@ def read_obj(path: Path, warnings: list[str]) -> list[Part]:
 
 
 def _is_cut_off(data: bytes) -> bool:
-    """Tell whether the last line has no end and too few numbers for what it starts with."""
+    """Tell whether the last line has no end, and too few numbers or half a number for what it starts with."""
     last = data[data.rfind(b"\n") + 1 :].split()
-    return bool(last) and len(last) < 1 + LEAST_NUMBERS.get(last[0], 0)
+    if not last or last[0] not in LEAST_NUMBERS:
+        return False
+    try:
+        # Of a face's corner the first of three numbers is enough.
+        numbers = [float(word.split(b"/")[0]) for word in last[1:]]
+    except ValueError:
+        return True
+    return len(numbers) < LEAST_NUMBERS[last[0]]
 
 
 def _by_material(path: Path, data: bytes, starts: Int64Array, warnings: list[str]) -> list[tuple[Material, AnyArray]]:

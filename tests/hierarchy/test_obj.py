@@ -128,7 +128,7 @@ def test_real_files(shared_models):
     assert len(bunny.faces) == 69_451
 
 
-@pytest.mark.parametrize("rest", ["v 1.0 2", "vn 0 1", "f 1 2", "f"])
+@pytest.mark.parametrize("rest", ["v 1.0 2", "v 1 2 -", "vn 0 1", "f 1 2", "f"])
 def test_last_line_cut_off(tmp_path, rest):
     path = tmp_path / "cut.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" + rest)
