@@ -18,7 +18,7 @@ import numpy as np
 INSIDE = 1e-10
 # The same for cosines of caps, where 1e-14 is already 1.4e-7 radians.
 CAP_INSIDE = 1e-14
-# More passes than any real input needs (Igea's worst: 14); a guard against cycling on rounding.
+# Ten times what is typical; a guard against cycling on rounding.
 MAX_PASSES = 64
 
 

