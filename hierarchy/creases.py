@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from hierarchy.area_vector import area_vector
 from hierarchy.half_edges import number_edges, twin_half_edges
 from hierarchy.model import Float32Array, Int32Array
 
@@ -49,13 +50,7 @@ def _cosines_at_edges(positions: Float32Array, faces: Int32Array, twins: Int32Ar
     normals = np.empty((len(faces), 3))
     for t in prange(len(faces)):
         a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
-        ux = np.float64(positions[b, 0]) - np.float64(positions[a, 0])
-        uy = np.float64(positions[b, 1]) - np.float64(positions[a, 1])
-        uz = np.float64(positions[b, 2]) - np.float64(positions[a, 2])
-        vx = np.float64(positions[c, 0]) - np.float64(positions[a, 0])
-        vy = np.float64(positions[c, 1]) - np.float64(positions[a, 1])
-        vz = np.float64(positions[c, 2]) - np.float64(positions[a, 2])
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        x, y, z = area_vector(positions, a, b, c)
         length = max(math.sqrt(x * x + y * y + z * z), 1e-300)
         normals[t, 0], normals[t, 1], normals[t, 2] = x / length, y / length, z / length
     cosines = np.ones((len(faces), 3), np.float32)

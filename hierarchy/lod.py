@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numba as nb
 import numpy as np
 
+from hierarchy.area_vector import area_vector
 from hierarchy.cones import EVERYTHING
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
@@ -120,10 +121,8 @@ def _outside(planes, x, y, z, radius):  # type: ignore[no-untyped-def]
 @nb.njit(cache=True, nogil=True, inline="always")
 def _faces_away(positions, a, b, c, eye):  # type: ignore[no-untyped-def]
     """Tell whether the eye lies behind the plane of a triangle, or in it."""
+    nx, ny, nz = area_vector(positions, a, b, c)
     px, py, pz = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
-    ux, uy, uz = positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz
-    vx, vy, vz = positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     return nx * (px - eye[0]) + ny * (py - eye[1]) + nz * (pz - eye[2]) >= 0.0
 
 

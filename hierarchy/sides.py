@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from hierarchy.area_vector import area_vector
 from hierarchy.model import BoolArray, Float32Array, Int32Array
 
 
@@ -40,13 +41,7 @@ def most_area_disagrees(positions: Float32Array, faces: Int32Array, normals: Flo
         a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
         if ignored[a] or ignored[b] or ignored[c]:
             continue
-        ux = np.float64(positions[b, 0]) - np.float64(positions[a, 0])
-        uy = np.float64(positions[b, 1]) - np.float64(positions[a, 1])
-        uz = np.float64(positions[b, 2]) - np.float64(positions[a, 2])
-        vx = np.float64(positions[c, 0]) - np.float64(positions[a, 0])
-        vy = np.float64(positions[c, 1]) - np.float64(positions[a, 1])
-        vz = np.float64(positions[c, 2]) - np.float64(positions[a, 2])
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        x, y, z = area_vector(positions, a, b, c)
         area = math.sqrt(x * x + y * y + z * z)
         dot = x * (normals[a, 0] + normals[b, 0] + normals[c, 0])
         dot += y * (normals[a, 1] + normals[b, 1] + normals[c, 1])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 Rgb = tuple[float, float, float]
 
-# Names of the materials; "clay" is lit by the two lights, the others are matcaps (renderer/matcaps.py).
+# Names of the materials; "clay" is lit by lights that stay with the eye, the others are matcaps (renderer/matcaps.py).
 MATERIALS = ("clay", "pearl", "bronze", "jade")
 
 
