@@ -3,9 +3,9 @@
 Departures: the printed cone test widens the cone by the field of view; here it is widened by the angle that the
 node's own bounding sphere subtends (the printed one stays as a switch). What faces away is culled by the node's own
 cone, but what lies on the silhouette is told by the cone of the disc's footprint, and r_sil limits it only where the
-footprint leaves the disc's plane visibly (footprints.py); r_sil limits creases, too. Added are what Algorithm 3 leaves
-out: frustum culling by bounding sphere, and descending nodes that contain the eye or reach the near plane. Leaf
-triangles that face away are culled one by one.
+footprint leaves the disc's plane visibly (footprints.py). r_sil limits creases, too, and splats whose relief displaces
+what is seen at an angle. Added are what Algorithm 3 leaves out: frustum culling by bounding sphere, and descending
+nodes that contain the eye or reach the near plane. Leaf triangles that face away are culled one by one.
 """
 
 from __future__ import annotations
@@ -33,6 +33,11 @@ RELIEF_OF_R_SIL = 0.65
 # can stand: it is drawn as finely as the silhouette. Igea: 740 primitives more, mean error 0.43 instead of 0.50
 # degrees; fandisk: its edges stay straight, mean error 0.14 instead of 0.36.
 BENT_COSINE = math.cos(math.radians(30.0))
+# Pixels by which relief may displace what a splat shows: seen at an angle t, what lies a height h off the disc's plane
+# is drawn h sin t away from its place, and planes that differ by h part by as much, which opens cracks. Where it is
+# more, r_sil is the limit. At r_sil 2 and r_inner 24 Igea's mean error over four views is 0.47 instead of 0.59 degrees
+# with 8,100 instead of 7,200 primitives, and no hole is left; at 1 pixel the primitives double.
+PARALLAX = 2.0
 # Radius in pixels up to which a node may be drawn whose normals face all ways, on a surface that shows one side only:
 # the two sides of a thin wall, of which its disc has one and may well have the hidden one.
 BOTH_SIDES = 1.0
@@ -127,15 +132,17 @@ def _faces_away(positions, a, b, c, eye):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _classify(node, x, y, z, distance2, sphere, view):  # type: ignore[no-untyped-def]
-    """Return on which side a node faces the eye by its own cone, and by its footprint's."""
+def _classify(node, x, y, z, facing, distance2, sphere, view):  # type: ignore[no-untyped-def]
+    """Return on which side a node faces the eye by its own cone, and by its footprint's.
+
+    facing : dot product of the node's own cone's axis with x, y, z, the vector from the eye to the node
+    """
     _, axis, _, _, printed, sin_view, cos_view = view
     cone_sin, cone_cos = np.float64(node["cone_sin"]), np.float64(node["cone_cos"])
     if printed:
         along = node["axis_x"] * axis[0] + node["axis_y"] * axis[1] + node["axis_z"] * axis[2]
         side = classify_cone_printed(along, cone_sin, cone_cos, sin_view, cos_view)
         return side, side
-    facing = node["axis_x"] * x + node["axis_y"] * y + node["axis_z"] * z
     side = classify_cone(facing, distance2, sphere, cone_sin, cone_cos)
     facing = node["print_x"] * x + node["print_y"] * y + node["print_z"] * z
     print_sin, print_cos = np.float64(node["print_sin"]), np.float64(node["print_cos"])
@@ -143,18 +150,21 @@ def _classify(node, x, y, z, distance2, sphere, view):  # type: ignore[no-untype
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _largest_radius(node, pixels, silhouette, limits, printed, one_sided):  # type: ignore[no-untyped-def]
+def _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed, one_sided):  # type: ignore[no-untyped-def]
     """Return the radius in pixels up to which a node's splat may be drawn.
 
     pixels : of a unit length at the node
+    facing, distance2 : as in `classify_cone`
     limits : r_sil and r_inner
     """
     r_sil, r_inner = limits
     if printed:
         return r_sil if silhouette else r_inner
     bent = node["print_cos"] < BENT_COSINE
-    shows = node["relief"] * pixels > RELIEF_OF_R_SIL * r_sil
-    limit = r_sil if (silhouette or bent) and shows else r_inner
+    relief = node["relief"] * pixels
+    shows = (silhouette or bent) and relief > RELIEF_OF_R_SIL * r_sil
+    displaces = relief * relief * (distance2 - facing * facing) > PARALLAX * PARALLAX * distance2
+    limit = r_sil if shows or displaces else r_inner
     if one_sided and node["cone_cos"] == EVERYTHING:
         limit = min(limit, BOTH_SIDES)
     return limit
@@ -183,7 +193,8 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type
         if _outside(planes, x, y, z, sphere):
             continue
         distance2 = x * x + y * y + z * z
-        side, print_side = _classify(node, x, y, z, distance2, sphere, view)
+        facing = node["axis_x"] * x + node["axis_y"] * y + node["axis_z"] * z
+        side, print_side = _classify(node, x, y, z, facing, distance2, sphere, view)
         if side == BACK and cull_back:
             continue
         silhouette = print_side == SILHOUETTE
@@ -191,7 +202,7 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type
         depth = x * axis[0] + y * axis[1] + z * axis[2]
         if depth - sphere > near and distance2 > sphere * sphere:
             pixels = focal / depth
-            limit = _largest_radius(node, pixels, silhouette, limits, printed, cull_back)
+            limit = _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed, cull_back)
             if node["radius"] * pixels <= limit:
                 if silhouette:
                     splats[sil_splats] = index

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from hierarchy.cones import EVERYTHING
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
-from hierarchy.lod import BACK, BENT_COSINE, BOTH_SIDES, FRONT, RELIEF_OF_R_SIL, SILHOUETTE
+from hierarchy.lod import BACK, BENT_COSINE, BOTH_SIDES, FRONT, PARALLAX, RELIEF_OF_R_SIL, SILHOUETTE
 from hierarchy.view import View
 
 Float64Array = npt.NDArray[np.float64]
@@ -119,7 +119,10 @@ def select(
             fine = silhouette
             if not printed_cone_test:
                 bent = print_ > math.acos(BENT_COSINE)
-                fine = (silhouette or bent) and float(node["relief"]) * pixels > RELIEF_OF_R_SIL * r_sil
+                relief = float(node["relief"]) * pixels
+                tilt = math.acos(np.clip(vector(node, "axis_") @ to_centre / np.linalg.norm(to_centre), -1.0, 1.0))
+                fine = (silhouette or bent) and relief > RELIEF_OF_R_SIL * r_sil
+                fine = fine or relief * math.sin(tilt) > PARALLAX
             limit = r_sil if fine else r_inner
             if cull_back and not printed_cone_test and own >= math.pi / 2:
                 limit = min(limit, BOTH_SIDES)
