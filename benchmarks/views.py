@@ -21,7 +21,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.rays import Rays
+from benchmarks.first_hits import Sight
 from hierarchy.model import Float64Array, Mesh
 from hierarchy.view import View, look_at
 
@@ -53,10 +53,10 @@ Pose = tuple[Float64Array, Float64Array]
 
 
 def views_of(mesh: Mesh, resolution: tuple[int, int]) -> dict[str, View]:
-    """Return the views of a mesh by name; raises ImportError without embreex."""
+    """Return the views of a mesh by name; raises UsageError without embreex."""
     low, high = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
     centre, diagonal = 0.5 * (low + high), float(np.linalg.norm(high - low))
-    rays = Rays(mesh)
+    sight = Sight(mesh)
     samples = np.unique(np.linspace(0, len(mesh.faces) - 1, SURFACE_SAMPLES).astype(np.intp))
     front = centre + DISTANCE * diagonal * np.array([0.0, 0.0, 1.0])
     poses = {"front": (front, centre)}
@@ -65,9 +65,9 @@ def views_of(mesh: Mesh, resolution: tuple[int, int]) -> dict[str, View]:
     for k in range(ORBIT):
         direction = _direction(360.0 * k / ORBIT, ORBIT_ELEVATIONS[k % len(ORBIT_ELEVATIONS)])
         poses[f"orbit {k}"] = centre + DISTANCE * diagonal * direction, centre
-    poses["close-up"] = _close_up(rays, samples, front, centre, diagonal)
+    poses["close-up"] = _close_up(sight, samples, front, centre, diagonal)
     poses["far"] = centre + FAR * diagonal * _direction(35.0, 20.0), centre
-    found = {"inside": _inside(rays, samples, low, high), "grazing": _grazing(rays, samples, diagonal)}
+    found = {"inside": _inside(sight, samples, low, high), "grazing": _grazing(sight, samples, diagonal)}
     poses |= {name: pose for name, pose in found.items() if pose is not None}
 
     radius = float(np.sqrt((mesh.positions.astype(np.float64) ** 2).sum(axis=1).max()))
@@ -84,10 +84,10 @@ def _direction(azimuth: float, elevation: float) -> Float64Array:
     return np.array([math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a)])
 
 
-def _close_up(rays: Rays, samples: Samples, front: Float64Array, centre: Float64Array, diagonal: float) -> Pose:
+def _close_up(sight: Sight, samples: Samples, front: Float64Array, centre: Float64Array, diagonal: float) -> Pose:
     """Go from the front towards the centre, or towards a part of the surface where the centre is not hidden."""
-    targets = np.concatenate([centre[None], rays.centroids[samples]])
-    triangle, distance = rays.first_hits(front, targets)
+    targets = np.concatenate([centre[None], sight.centroids[samples]])
+    triangle, distance = sight.first_hits(front, targets)
     k = int(np.argmax(triangle >= 0))
     towards = targets[k] - front
     towards /= np.linalg.norm(towards)
@@ -95,38 +95,38 @@ def _close_up(rays: Rays, samples: Samples, front: Float64Array, centre: Float64
     return seen - CLOSE * diagonal * towards, seen
 
 
-def _inside(rays: Rays, samples: Samples, low: Float64Array, high: Float64Array) -> Pose | None:
+def _inside(sight: Sight, samples: Samples, low: Float64Array, high: Float64Array) -> Pose | None:
     """Return the place nearest to the middle of the bounding box that has room and sees an outer side."""
-    points = rays.centroids[samples]
+    points = sight.centroids[samples]
     centre, half = 0.5 * (low + high), 0.5 * WITHIN * (high - low)
     places = centre + half * (2.0 * _halton(PLACES) - 1.0)
     places = places[np.argsort(np.linalg.norm(places - centre, axis=1), kind="stable")]
     for place in places:
         nearest = points[np.argmin(((points - place) ** 2).sum(axis=1))]
         # The nearest of all samples, not only the one that is looked at, decides on the room.
-        triangle, distance = rays.first_hits(place, points)
+        triangle, distance = sight.first_hits(place, points)
         hit = triangle >= 0
         if not hit.any() or distance[hit].min() < CLEARANCE * np.linalg.norm(high - low):
             continue
         # From outside of a closed surface every ray meets a front side first. An open one has no outside: there the
         # place must see mostly front sides.
         towards = points[hit] - place
-        front = np.einsum("ij,ij->i", rays.normals[triangle[hit]], towards) < 0.0
+        front = np.einsum("ij,ij->i", sight.normals[triangle[hit]], towards) < 0.0
         if front.mean() > 0.99:
             return place, nearest
     return None
 
 
-def _grazing(rays: Rays, samples: Samples, diagonal: float) -> Pose | None:
+def _grazing(sight: Sight, samples: Samples, diagonal: float) -> Pose | None:
     """Return the first place from which a sample of the surface is seen from the side, and unhidden."""
     angle = math.radians(GRAZING_DEGREES)
-    for point, normal in zip(rays.centroids[samples], rays.normals[samples], strict=True):
+    for point, normal in zip(sight.centroids[samples], sight.normals[samples], strict=True):
         for axis in np.eye(3)[np.argsort(np.abs(normal))[:2]]:
             tangent = np.cross(normal, axis)
             tangent /= np.linalg.norm(tangent)
             for side in (tangent, -tangent):
                 eye = point + GRAZING_DISTANCE * diagonal * (math.sin(angle) * normal + math.cos(angle) * side)
-                _, distance = rays.first_hits(eye, point[None])
+                _, distance = sight.first_hits(eye, point[None])
                 if abs(distance[0] - GRAZING_DISTANCE * diagonal) < 1e-3 * diagonal:
                     return eye, point
     return None
