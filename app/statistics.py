@@ -76,7 +76,6 @@ def scene_statistics(scene: Scene) -> dict[str, Statistic]:
         "nodes": hierarchy.node_count,
         "hierarchy_bytes": hierarchy.nbytes,
         "tiles": tiles.count if tiles else 0,
-        "tiles_baked": tiles.baked if tiles else 0,
         "tile_texels": tiles.texels if tiles else 0,
         "tile_bytes": tiles.nbytes if tiles else 0,
         "load_s": round(scene.load_s, 4),

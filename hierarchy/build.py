@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hierarchy.boxes import WHOLE_DISC
 from hierarchy.colors import splat_colors
 from hierarchy.cones import EVERYTHING, normal_cones
 from hierarchy.discs import node_discs
@@ -47,7 +48,7 @@ def build_hierarchy(
     axes, cosines = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
     _set_cone(nodes, "axis", "cone", axes, cosines)
     progress("Fitting discs", 0.4)
-    centres, normals, sizes = node_discs(shapes, octree.leaf_begin, octree.leaf_end, axes)
+    centres, normals, sizes, boxes = node_discs(shapes, octree.leaf_begin, octree.leaf_end, axes)
     for axis, name in enumerate("xyz"):
         nodes[name] = centres[:, axis]
     nodes["radius"], nodes["sphere"] = sizes[:, 0], sizes[:, 2]
@@ -60,7 +61,7 @@ def build_hierarchy(
         name=model.name,
         origin=model.origin,
         nodes=nodes,
-        splats=_splats(centres, normals, sizes, leaves),
+        splats=_splats(centres, normals, sizes, boxes, leaves),
         colors=splat_colors(octree, shapes, leaves),
         leaves=leaves,
         closed=closed,
@@ -83,7 +84,6 @@ def _nodes(octree: Octree) -> np.ndarray:
     nodes = np.zeros(len(octree.first_child), NODE)
     for name in ("first_child", "child_count", "leaf_begin", "leaf_end"):
         nodes[name] = getattr(octree, name)
-    nodes["tile"] = np.arange(len(nodes))
     return nodes
 
 
@@ -95,12 +95,16 @@ def _set_cone(nodes: np.ndarray, axis: str, angle: str, axes: Float32Array, cosi
     nodes[f"{angle}_sin"] = np.where(cosines == EVERYTHING, 0.0, sines)
 
 
-def _splats(centres: Float32Array, normals: Float32Array, sizes: Float32Array, leaves: Leaves) -> np.ndarray:
+def _splats(
+    centres: Float32Array, normals: Float32Array, sizes: Float32Array, boxes: Float32Array, leaves: Leaves
+) -> np.ndarray:
     inner = len(centres)
     splats = np.zeros(inner + (len(leaves) if isinstance(leaves, Surfels) else 0), SPLAT)
     splats["centre"][:inner], splats["normal"][:inner] = centres, normals
     splats["radius"][:inner], splats["thickness"][:inner] = sizes[:, 0], sizes[:, 1]
+    splats["box"][:inner] = boxes
     if isinstance(leaves, Surfels):
         splats["centre"][inner:], splats["normal"][inner:] = leaves.positions, leaves.normals
         splats["radius"][inner:] = leaves.radii
+        splats["box"][inner:] = WHOLE_DISC
     return splats

@@ -12,6 +12,7 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.boxes import tight_box
 from hierarchy.enclosing import INSIDE, MAX_PASSES, circle_with_pivot
 from hierarchy.frames import tangents
 from hierarchy.leaves import SURFEL_CORNERS, LeafShapes, corner
@@ -76,6 +77,7 @@ def _discs(positions, indices, radii, normals, centres, areas, begin, end, axes)
     out_centre = np.empty((nodes, 3), np.float32)
     out_normal = np.empty((nodes, 3), np.float32)
     out_size = np.empty((nodes, 3), np.float32)
+    out_box = np.empty((nodes, 4), np.float32)
     for node in nb.prange(nodes):
         first, last = begin[node], end[node]
         n = np.empty(3, np.float32)
@@ -117,23 +119,24 @@ def _discs(positions, indices, radii, normals, centres, areas, begin, end, axes)
         out_centre[node, 0], out_centre[node, 1], out_centre[node, 2] = cx, cy, cz
         out_normal[node, 0], out_normal[node, 1], out_normal[node, 2] = nx, ny, nz
         radius = math.sqrt(circle[2])
+        tight_box(points, circle[0], circle[1], radius, out_box[node])
         out_size[node, 0] = radius * (1.0 + 1e-6) + slack
         out_size[node, 1] = max(high - mean, mean - low)
         # The sphere holds the disc too: it stands for both in every culling test.
         out_size[node, 2] = max(math.sqrt(sphere2), radius) * (1.0 + 1e-6) + slack
-    return out_centre, out_normal, out_size
+    return out_centre, out_normal, out_size, out_box
 
 
 def node_discs(
     shapes: LeafShapes, begin: Int32Array, end: Int32Array, axes: Float32Array
-) -> tuple[Float32Array, Float32Array, Float32Array]:
+) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
     """Fit a disc to every range of leaves.
 
     begin, end : int32 (M,), node i holds the leaves [begin[i], end[i])
     axes : float32 (M, 3), axes of the normal cones, used where the mean normal vanishes
-    Returns centres float32 (M, 3), unit normals float32 (M, 3) and sizes float32 (M, 3): disc radius, thickness
+    Returns centres float32 (M, 3), unit normals float32 (M, 3), sizes float32 (M, 3): disc radius, thickness
     (largest distance of a primitive from the disc's plane) and radius of the sphere, centred on the disc, around
-    everything below the node.
+    everything below the node; and boxes float32 (M, 4), as in `tight_box`.
     """
     s = shapes
     return _discs(s.positions, s.indices, s.radii, s.normals, s.centres, s.areas, begin, end, axes)  # type: ignore[no-any-return]

@@ -23,20 +23,20 @@ NODE = np.dtype(
         ("relief", "f4"),  # largest distance of the footprint's surface from the disc's plane
         ("first_child", "i4"), ("child_count", "i4"),  # children are contiguous
         ("leaf_begin", "i4"), ("leaf_end", "i4"),  # all leaves of the subtree are contiguous
-        ("tile", "i4"),  # index of the node's normal tile, -1: none
     ]
 )  # fmt: skip
 
-# What the GPU reads of a splat, node or leaf surfel: two RGBA32F texels.
+# What the GPU reads of a splat, node or leaf surfel: three RGBA32F texels.
 SPLAT = np.dtype(
     [
         ("centre", "f4", 3),  # model space
         ("radius", "f4"),
         ("normal", "f4", 3),  # unit
         ("thickness", "f4"),  # largest distance of the primitives below from the disc's plane
+        ("box", "f4", 4),  # rectangle of the disc that is drawn (boxes.py)
     ]
 )
-assert SPLAT.itemsize == 32
+assert SPLAT.itemsize == 48
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from hierarchy.frames import tangents
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.kernel import gaussian
 from hierarchy.leaves import Triangles
-from hierarchy.model import Progress, UInt8Array, UInt32Array, ignore_progress
+from hierarchy.model import Int32Array, Progress, UInt8Array, UInt32Array, ignore_progress
 
 # Tiles lie in the layers of an array texture of this size: every OpenGL 3.3 has it, and 256 layers of it (1M tiles
 # of 16 x 16) besides.
@@ -37,18 +37,18 @@ EDGE_SLACK = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class NormalTiles:
-    """The tiles of all nodes, laid out as the GPU reads them.
+    """The tiles of all nodes, or of some, laid out as the GPU reads them.
 
     texels : texels along one side of a tile (w_s)
-    count : number of tiles, one a node
-    baked : how many of them were baked; the others are flat, every texel the disc's own normal
+    count : number of tiles
+    tile_of_node : int32 (M,), each node's tile, -1: none
     normals : uint8 (layers, LAYER_SIZE, LAYER_SIZE, 2), hemi-octahedral in the node's own frame
     colors : uint8 (layers, LAYER_SIZE, LAYER_SIZE, 4), or None
     """
 
     texels: int
     count: int
-    baked: int
+    tile_of_node: Int32Array
     normals: UInt8Array
     colors: UInt8Array | None
 
@@ -56,6 +56,13 @@ class NormalTiles:
     def nbytes(self) -> int:
         """Bytes of the tiles themselves, without the atlas' unused rest."""
         return self.count * self.texels**2 * (2 if self.colors is None else 6)
+
+    def tiles_of(self, splats: UInt32Array) -> Int32Array:
+        """Return the tiles of splats (K,), int32 (K,); -1 for those that have none, such as every leaf surfel."""
+        nodes = len(self.tile_of_node)
+        tiles = self.tile_of_node[np.minimum(splats, nodes - 1)]
+        tiles[splats >= nodes] = -1
+        return tiles
 
     def corner(self, tile: int) -> tuple[int, int, int]:
         """Return layer, row and column of a tile's first texel."""
@@ -219,10 +226,11 @@ def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: i
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _bake(nodes, disc_normals, leaves, triangles, wanted, texels, normals, colors):  # type: ignore[no-untyped-def]
+def _bake(nodes, disc_normals, leaves, triangles, wanted, first_tile, texels, normals, colors):  # type: ignore[no-untyped-def]
     side = LAYER_SIZE // texels
     for i in nb.prange(len(wanted)):
         node = wanted[i]
+        index = first_tile + i
         frame = np.empty((3, 3), np.float64)
         for k in range(3):
             frame[2, k] = disc_normals[node, k]
@@ -232,7 +240,7 @@ def _bake(nodes, disc_normals, leaves, triangles, wanted, texels, normals, color
         nearest = np.full((texels, texels), np.inf if triangles else 0.0)
         sums = np.zeros((texels, texels, 7 if len(colors) > 0 else 3))
         _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums)
-        layer, row, column = node // side**2, node // side % side * texels, node % side * texels
+        layer, row, column = index // side**2, index // side % side * texels, index % side * texels
         tile = normals[layer, row : row + texels, column : column + texels]
         # Without colours the atlas has no layers; any array of its type will do.
         color_layer = colors[layer] if len(colors) > 0 else normals[layer]
@@ -251,8 +259,10 @@ def bake_tiles(
     """
     if not 1 <= texels <= LAYER_SIZE:
         raise ValueError(f"a tile has 1 to {LAYER_SIZE} texels a side, not {texels}")
-    count = hierarchy.node_count
-    layers = -(-count // (LAYER_SIZE // texels) ** 2)
+    wanted = np.arange(hierarchy.node_count, dtype=np.uint32) if nodes is None else np.unique(nodes)
+    count = len(wanted)
+    # A texture has at least one layer, and a cut may hold no node.
+    layers = max(1, -(-count // (LAYER_SIZE // texels) ** 2))
     normals = np.full((layers, LAYER_SIZE, LAYER_SIZE, 2), int(BYTE_ZERO), np.uint8)
     leaves = hierarchy.leaves
     triangles = isinstance(leaves, Triangles)
@@ -267,11 +277,12 @@ def bake_tiles(
         np.empty(0, np.float32) if isinstance(leaves, Triangles) else leaves.radii,
         colors,
     )
-    disc_normals = np.ascontiguousarray(hierarchy.splats["normal"][:count])
-    wanted = np.arange(count, dtype=np.uint32) if nodes is None else nodes
+    disc_normals = np.ascontiguousarray(hierarchy.splats["normal"][: hierarchy.node_count])
     for first in range(0, len(wanted), BLOCK):
         progress("Baking normal tiles", first / len(wanted))
         block = wanted[first : first + BLOCK]
-        _bake(hierarchy.nodes, disc_normals, arrays, triangles, block, texels, normals, atlas)
+        _bake(hierarchy.nodes, disc_normals, arrays, triangles, block, first, texels, normals, atlas)
     progress("Baking normal tiles", 1.0)
-    return NormalTiles(texels, count, len(wanted), normals, atlas if has_colors else None)
+    tile_of_node = np.full(hierarchy.node_count, -1, np.int32)
+    tile_of_node[wanted] = np.arange(count, dtype=np.int32)
+    return NormalTiles(texels, count, tile_of_node, normals, atlas if has_colors else None)

@@ -11,11 +11,11 @@ from hierarchy.hierarchy import SPLAT, Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.normal_tiles import NormalTiles
 
-# Texels along a row of the record texture; even, so that no record is broken over two rows. 2048 rows of it hold
-# 2 M splats, and 16,384 (every GPU that has OpenGL 4) hold 16 M.
-RECORD_WIDTH = 2048
 # A record is a whole number of RGBA32F texels.
 TEXELS_PER_SPLAT = SPLAT.itemsize // 16
+# Texels along a row of the record texture; a multiple of the above, so that no record is broken over two rows. 2048
+# rows of it hold 2 M splats, and 16,384 (every GPU that has OpenGL 4) hold 16 M.
+RECORD_WIDTH = 1024 * TEXELS_PER_SPLAT
 
 
 class GpuError(Exception):
@@ -90,7 +90,7 @@ class TileTextures:
 
     def __init__(self, ctx: moderngl.Context, tiles: NormalTiles) -> None:
         """Raises GpuError where the tiles do not fit."""
-        self.texels, self.count = tiles.texels, tiles.count
+        self.tiles = tiles
         self.layer_size = tiles.normals.shape[1]
         self.normals = self._array(ctx, tiles.normals)
         self.colors = None if tiles.colors is None else self._array(ctx, tiles.colors)

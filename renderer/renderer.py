@@ -13,7 +13,15 @@ from renderer.buffers import SplatBuffers, TileTextures
 from renderer.frame import Frame
 from renderer.resolve_passes import MARKED, MATCAP_UNIT, Resolve
 from renderer.settings import Settings
-from renderer.splat_passes import CutBuffers, SplatPass, Variant, draw_attributes, draw_visibility, pass_uniforms
+from renderer.splat_passes import (
+    CutBuffers,
+    SplatPass,
+    Variant,
+    draw_attributes,
+    draw_nearest,
+    draw_visibility,
+    pass_uniforms,
+)
 from renderer.targets import Targets
 from renderer.timers import StageTimers
 
@@ -75,12 +83,13 @@ class Renderer:
         variant = self._variant(settings, depth=False, tint=tint)
         targets = self._targets_for(view, variant)
         self._enter()
-        self._cut_buffers.upload(cut)
-        uniforms = pass_uniforms(cut, view, settings, self._buffers, self._tiles)
+        uniforms = self._upload(cut, view, settings)
         with self._timers.stage("visibility"):
-            draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
+            if settings.blending:
+                draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
         with self._timers.stage("attributes"):
-            draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
+            draw = draw_attributes if settings.blending else draw_nearest
+            draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
         with self._timers.stage("resolve"):
             ground = self._ground(settings.ground_up)
             box = screen_box(view, self._hierarchy.half_extents)
@@ -102,10 +111,11 @@ class Renderer:
         targets = Targets(self._ctx, (view.width, view.height), color=False, depth=True)
         try:
             self._enter()
-            self._cut_buffers.upload(cut)
-            uniforms = pass_uniforms(cut, view, settings, self._buffers, self._tiles)
-            draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
-            draw_attributes(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
+            uniforms = self._upload(cut, view, settings)
+            if settings.blending:
+                draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
+            draw = draw_attributes if settings.blending else draw_nearest
+            draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
             eye_normal, depth = self._resolve.arrays(targets)
         finally:
             self._leave(framebuffer)
@@ -160,10 +170,22 @@ class Renderer:
 
     # What is kept from frame to frame
 
+    def _upload(self, cut: Cut, view: View, settings: Settings) -> dict[str, object]:
+        """Bring the cut to the GPU and bind the hierarchy; return the uniforms of the passes."""
+        assert self._buffers is not None
+        self._cut_buffers.upload(cut, None if self._tiles is None else self._tiles.tiles)
+        return pass_uniforms(cut, view, settings, self._buffers, self._tiles)
+
     def _variant(self, settings: Settings, *, depth: bool, tint: bool) -> Variant:
         assert self._buffers is not None
         color = self._buffers.colors is not None and not depth
-        return Variant(settings.normal_mapping and self._tiles is not None, color, depth, tint)
+        return Variant(
+            normal_mapping=settings.normal_mapping and self._tiles is not None,
+            sprite=settings.splat == "sprite",
+            color=color,
+            depth=depth,
+            tint=tint,
+        )
 
     def _targets_for(self, view: View, variant: Variant) -> Targets:
         size, kind = (view.width, view.height), (variant.color, variant.depth, variant.tint)
@@ -174,11 +196,13 @@ class Renderer:
         return self._targets
 
     def _pass(self, kind: str, variant: Variant, targets: Targets) -> SplatPass:
-        """Return the pass for a variant; the visibility pass is the same for all."""
+        """Return the pass for a variant; of the visibility pass there is one for each kind of splat."""
         assert self._buffers is not None
-        key = (kind, variant if kind == "attributes" else Variant(False, False, False, False))
+        if kind == "visibility":
+            variant = Variant(normal_mapping=False, sprite=variant.sprite, color=False, depth=False, tint=False)
+        key = (kind, variant)
         if key not in self._passes:
-            defines = variant.defines(targets) | ({"VISIBILITY": 1} if kind == "visibility" else {})
+            defines = variant.defines(targets) if kind == "attributes" else variant.visibility_defines
             self._passes[key] = SplatPass(self._ctx, kind, defines, self._buffers, self._cut_buffers)
         return self._passes[key]
 

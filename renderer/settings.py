@@ -10,11 +10,17 @@ Rgb = tuple[float, float, float]
 MATERIALS = ("clay", "pearl", "bronze", "jade")
 
 
+# How a splat is drawn: as a rectangle in its own plane, or as the papers' square of pixels (a point sprite).
+SPLATS = ("quad", "sprite")
+
+
 @dataclass(frozen=True)
 class Settings:
     """Settings of a frame; colours are sRGB in 0..1.
 
     normal_mapping : take normals (and colours) from the tiles
+    splat : one of SPLATS; graphics drivers limit the size of sprites
+    blending : mix overlapping splats; without, the nearest one shows
     two_sided : turn normals that face away towards the eye before lighting
     material : one of MATERIALS
     use_colors : show the model's own colours where it has them
@@ -28,6 +34,8 @@ class Settings:
     """
 
     normal_mapping: bool = True
+    splat: str = "quad"
+    blending: bool = True
     two_sided: bool = False
     material: str = "clay"
     use_colors: bool = True

@@ -12,6 +12,7 @@ import numpy as np
 
 from hierarchy.kernel import SHARPNESS
 from hierarchy.lod import Cut
+from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View
 from renderer.buffers import RECORD_WIDTH, SplatBuffers, TileTextures
 from renderer.programs import make_program
@@ -23,12 +24,18 @@ from renderer.targets import Targets
 # mean error is 0.45, 0.43 and 0.43 degrees at 1, 2 and 3 thicknesses; thin sheets are safer with less.
 EPSILON = (2.0, 0.2)
 # How far a silhouette disc sinks, as a share of its thickness. The outline of many overlapping discs is that of the
-# most prominent ones, so discs at the mean height of the surface make it grow. Igea's grows by 0.34, 0.24, 0.15 and
-# 0.07 pixels at 0, 1/4, 1/2 and 3/4; from there on it gets dents.
+# most prominent ones, so discs at the mean height of the surface make it grow. Igea's grows by 0.10, 0.06, 0.02 and
+# -0.04 pixels at 0.4, 0.5, 0.6 and 3/4; from 0.6 on it gets holes.
 SINK = 0.5
-# Pixels by which every disc is widened, tile and all. Discs of different heights part by less than that in most places
-# where a view from the side would open a crack between them; the outline grows by 0.04 pixels.
+# Pixels by which every disc that is not on the silhouette is widened, tile and all. Discs of different heights part by
+# less than that in most places where a view from the side would open a crack between them: without, 6 hole pixels a
+# view are left on the meteoroid at r_inner 24.
 GROW = 0.25
+# Pixels from the centre of one to its corner: a disc with this radius shows in one pixel at least.
+SMALLEST = 0.5**0.5
+# By how much a splat's rectangle exceeds what lies below it, in pixels and as a share of its thickness: neighbours
+# share an edge, and lie at different heights.
+MARGIN = (0.5, 0.5)
 
 
 @dataclass(frozen=True)
@@ -36,12 +43,14 @@ class Variant:
     """Which shaders a frame needs.
 
     normal_mapping : fragments look up the tiles
+    sprite : splats are point sprites
     color : the model has colours
     depth : distances are summed, too
     tint : overlays are summed, too
     """
 
     normal_mapping: bool
+    sprite: bool
     color: bool
     depth: bool
     tint: bool
@@ -51,22 +60,39 @@ class Variant:
         macros: dict[str, str | int | float] = {"RECORD_WIDTH": RECORD_WIDTH, "SHARPNESS": f"{SHARPNESS:.9g}"}
         if self.normal_mapping:
             macros["NORMAL_MAPPING"] = 1
+        if self.sprite:
+            macros["SPRITE"] = 1
         for name in ("color", "depth", "tint"):
             if name in targets.sums:
                 macros[name.upper()] = targets.location(name)
         return macros
 
+    @property
+    def visibility_defines(self) -> dict[str, str | int | float]:
+        """The macros of the visibility pass."""
+        macros: dict[str, str | int | float] = {"RECORD_WIDTH": RECORD_WIDTH, "VISIBILITY": 1}
+        if self.sprite:
+            macros["SPRITE"] = 1
+        return macros
+
 
 class CutBuffers:
-    """The cut of a frame on the GPU, uploaded once for both passes."""
+    """The cut of a frame on the GPU, uploaded once for both passes.
+
+    splats : (splat, tile) for each splat, uint32 and int32; tile -1: none
+    indices : of the leaf triangles' vertices
+    """
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        self._ctx = ctx
-        self.splats = ctx.buffer(reserve=4, dynamic=True)
+        self.splats = ctx.buffer(reserve=8, dynamic=True)
         self.indices = ctx.buffer(reserve=12, dynamic=True)
 
-    def upload(self, cut: Cut) -> None:
-        for buffer, array in ((self.splats, cut.splats), (self.indices, cut.indices)):
+    def upload(self, cut: Cut, tiles: NormalTiles | None) -> None:
+        """Bring a cut to the GPU, with the tiles of its splats where there are any."""
+        splats = np.empty((len(cut.splats), 2), np.int32)
+        splats[:, 0] = cut.splats
+        splats[:, 1] = -1 if tiles is None else tiles.tiles_of(cut.splats)
+        for buffer, array in ((self.splats, splats), (self.indices, cut.indices)):
             if array.nbytes > buffer.size:
                 # Room for half as much again: a cut that grows a little every frame shall not reallocate every frame.
                 buffer.orphan(array.nbytes + array.nbytes // 2)
@@ -104,7 +130,11 @@ class SplatPass:
         self._ctx = ctx
         self.splats = make_program(ctx, "splat.vert", f"splat_{kind}.frag", defines)
         self.triangles = make_program(ctx, "triangle.vert", f"triangle_{kind}.frag", defines)
-        self._splat_array = ctx.vertex_array(self.splats, [(cut.splats, "1u/i", "in_splat")])
+        self._sprite = "SPRITE" in defines
+        has_tile = "in_tile" in self.splats
+        layout = ("1u 1i" if has_tile else "1u 4x") + ("" if self._sprite else "/i")
+        names = ("in_splat", "in_tile") if has_tile else ("in_splat",)
+        self._splat_array = ctx.vertex_array(self.splats, [(cut.splats, layout, *names)])
         used = [vertices for vertices in buffers.vertices if vertices[2] in self.triangles]
         self._triangle_array = ctx.vertex_array(self.triangles, used, index_buffer=cut.indices) if used else None
 
@@ -112,7 +142,12 @@ class SplatPass:
         """Draw the cut with the framebuffer and the state that are current."""
         if len(cut.splats):
             set_uniforms(self.splats, uniforms)
-            self._splat_array.render(moderngl.TRIANGLE_STRIP, 4, instances=len(cut.splats))
+            if self._sprite:
+                self._ctx.enable(moderngl.PROGRAM_POINT_SIZE)
+                self._splat_array.render(moderngl.POINTS, len(cut.splats))
+                self._ctx.disable(moderngl.PROGRAM_POINT_SIZE)
+            else:
+                self._splat_array.render(moderngl.TRIANGLE_STRIP, 4, instances=len(cut.splats))
         if len(cut.indices) and self._triangle_array is not None:
             set_uniforms(self.triangles, uniforms)
             self._triangle_array.render(moderngl.TRIANGLES, cut.indices.size)
@@ -143,6 +178,9 @@ def pass_uniforms(
         "epsilon": EPSILON,
         "sink": SINK,
         "grow": GROW,
+        "smallest": SMALLEST,
+        "margin": MARGIN,
+        "picture_size": (float(view.width), float(view.height)),
         "focal": view.focal_pixels,
         "show_silhouette": settings.silhouette_overlay,
         "show_outlines": settings.splat_outlines,
@@ -155,10 +193,9 @@ def pass_uniforms(
         tiles.normals.use(NORMALS_UNIT)
         uniforms |= {
             "tile_normals": NORMALS_UNIT,
-            "tile_count": tiles.count,
-            "tile_texels": tiles.texels,
+            "tile_texels": tiles.tiles.texels,
             "layer_size": tiles.layer_size,
-            "tile_scale": 0.5 * (tiles.texels - 1) / tiles.layer_size,
+            "tile_scale": 0.5 * (tiles.tiles.texels - 1) / tiles.layer_size,
         }
         if tiles.colors is not None:
             tiles.colors.use(TILE_COLORS_UNIT)
@@ -191,3 +228,18 @@ def draw_attributes(
     ctx.blend_func = moderngl.ONE, moderngl.ONE
     attributes.render(cut, uniforms)
     targets.attributes.depth_mask = True
+
+
+def draw_nearest(
+    ctx: moderngl.Context, targets: Targets, attributes: SplatPass, cut: Cut, uniforms: dict[str, object]
+) -> None:
+    """Write the attributes of the nearest splat or triangle alone, without blending: one pass instead of two."""
+    targets.visibility.use()
+    targets.visibility.depth_mask = True
+    targets.visibility.clear(depth=1.0)
+    targets.clear_sums()
+    targets.attributes.use()
+    targets.attributes.depth_mask = True
+    ctx.enable_only(moderngl.DEPTH_TEST)
+    ctx.depth_func = "<"
+    attributes.render(cut, uniforms)

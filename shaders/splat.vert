@@ -1,10 +1,12 @@
-// Role: one splat of the cut as a quad in the disc's own plane, so that texture coordinate and depth come from the
-//       rasteriser: no gl_FragDepth, no inverse per pixel, and the hardware clips at the near plane.
-// In:   in_splat, one per instance; gl_VertexID 0..3 is the corner; the records' texture.
-// Out:  v_disc, the point in the disc's frame, its rim the unit circle; in the attribute pass the frame, the tile,
-//       and what colours and overlays need.
-// Source: Holst and Schumann 2007, eq. 9 and 11, on quads in object space after Ren et al. 2002. VISIBILITY pushes the
-//       quad back along the view rays by an epsilon tied to the disc's own size (Botsch et al. 2005).
+// Role: a splat: a rectangle in the plane of its disc. The rasteriser then interpolates the point of the disc and its
+//       depth, nothing is lost at the edge of the window, and hardware clips at the near plane.
+//       SPRITE: the papers' own primitive instead, a square of pixels around the projected disc; disc_point.glsl
+//       intersects every pixel's view ray with it.
+// In:   in_splat, in_tile, one per instance; gl_VertexID 0..3 is the corner; the records' texture.
+// Out:  v_disc, the point in the disc's frame, its rim the unit circle (SPRITE: v_centre and v_radius); in the attribute
+//       pass the frame, the tile, and what colours and overlays need.
+// Source: Holst and Schumann 2007, eq. 4-6, 9 and 11; quads in object space after Ren et al. 2002. VISIBILITY pushes the
+//       splat back along the view rays by an epsilon tied to the disc's own size (Botsch et al. 2005).
 #include "frame.glsl"
 #include "splat_record.glsl"
 #include "project.glsl"
@@ -12,22 +14,30 @@
 in uint in_splat;
 
 uniform mat4 eye_from_model;
-uniform int silhouette_splats;  // the first instances are on the silhouette
+uniform int silhouette_splats;  // the first ones are on the silhouette
 uniform float sink;             // times thickness: how far those are lowered
 uniform float focal;            // pixels of a unit length at unit distance
-uniform float grow;             // pixels by which every disc is widened
+uniform float grow;             // pixels by which the discs of the others are widened
+uniform float smallest;         // radius in pixels
+uniform vec2 margin;            // pixels, times thickness: by which the rectangles are
 
+#ifdef SPRITE
+flat out vec3 v_centre;
+flat out float v_radius;
+#else
 out vec2 v_disc;
-
+#endif
 #ifdef VISIBILITY
 uniform vec2 epsilon;  // times thickness, times radius
-#else
+#endif
+#if defined(SPRITE) || !defined(VISIBILITY)
 flat out vec3 v_o1;
 flat out vec3 v_o2;
 flat out vec3 v_normal;
+#endif
 #ifdef NORMAL_MAPPING
+in int in_tile;
 flat out vec3 v_tile;  // centre of the tile in texture coordinates, and its layer; layer -1: no tile
-uniform int tile_count;
 uniform int tile_texels;
 uniform int layer_size;
 #endif
@@ -41,38 +51,63 @@ uniform bool show_silhouette;
 uniform bool show_lod;
 #include "tint.glsl"
 #endif
-#endif
+
+// Return the side in pixels of a square around the projection of a disc (eq. 4-6). The nearest point of the disc sets
+// the scale, and what perspective shifts the rim by is added: eq. 6 alone cuts tilted discs off.
+float sprite_size(vec3 centre, vec3 normal, float radius)
+{
+    vec3 extents = radius * sqrt(max(1.0 - normal * normal, 0.0));
+    float nearest = max(-centre.z - extents.z, 1e-6 * radius);
+    vec2 half_size = extents.xy + abs(centre.xy / centre.z) * extents.z;
+    return 2.0 * focal * max(half_size.x, half_size.y) / nearest + 1.0;
+}
 
 void main()
 {
     int index = int(in_splat);
     Splat splat = fetch_splat(index);
+#ifdef SPRITE
+    bool silhouette = gl_VertexID < silhouette_splats;
+#else
     bool silhouette = gl_InstanceID < silhouette_splats;
+#endif
     if (silhouette) splat.centre -= sink * splat.thickness * splat.normal;
     vec3 centre = (eye_from_model * vec4(splat.centre, 1.0)).xyz;
-    float radius = splat.radius + grow * max(-centre.z, 0.0) / focal;
+    float pixel = max(-centre.z, 0.0) / focal;
+    // What is far away must not fall between the pixels.
+    float radius = max(splat.radius + (silhouette ? 0.0 : grow * pixel), smallest * pixel);
+    mat3 rotation = mat3(eye_from_model);
     vec3 o1, o2;
     tangents(splat.normal, o1, o2);
-    v_disc = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-    vec3 point = splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2);
-    vec3 eye = (eye_from_model * vec4(point, 1.0)).xyz;
-
 #ifdef VISIBILITY
     float push = epsilon.x * splat.thickness + epsilon.y * splat.radius;
-    // All corners by the same factor: a push by a length along each ray would bend the disc.
-    gl_Position = project_pushed(eye, 1.0 + push / max(length(centre), push));
+    // All of the disc by the same factor: a push by a length along each ray would bend it.
+    float factor = 1.0 + push / max(length(centre), push);
 #else
-    gl_Position = project(eye);
-    mat3 rotation = mat3(eye_from_model);
+    const float factor = 1.0;
+#endif
+
+#ifdef SPRITE
+    gl_Position = project(centre);
+    gl_PointSize = sprite_size(centre, rotation * splat.normal, radius);
+    v_centre = centre * factor;
+    v_radius = radius * factor;
+#else
+    v_disc = box_corner(splat, gl_VertexID, (margin.x * pixel + margin.y * splat.thickness) / max(splat.radius, 1e-30));
+    vec3 point = splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2);
+    gl_Position = project_pushed((eye_from_model * vec4(point, 1.0)).xyz, factor);
+#endif
+#if defined(SPRITE) || !defined(VISIBILITY)
     v_o1 = rotation * o1;
     v_o2 = rotation * o2;
     v_normal = rotation * splat.normal;
+#endif
 #ifdef NORMAL_MAPPING
     v_tile = vec3(0.0, 0.0, -1.0);
-    if (index < tile_count) {
+    if (in_tile >= 0) {
         int side = layer_size / tile_texels;
-        vec2 corner = vec2(index % side, (index / side) % side) * float(tile_texels);
-        v_tile = vec3((corner + 0.5 * float(tile_texels)) / float(layer_size), float(index / (side * side)));
+        vec2 corner = vec2(in_tile % side, (in_tile / side) % side) * float(tile_texels);
+        v_tile = vec3((corner + 0.5 * float(tile_texels)) / float(layer_size), float(in_tile / (side * side)));
     }
 #endif
 #ifdef COLOR
@@ -80,8 +115,7 @@ void main()
 #endif
 #ifdef TINT
     v_tint = vec4(0.0);
-    if (show_lod) v_tint = vec4(lod_color(splat.radius * focal / max(-centre.z, 1e-30)), 0.8);
+    if (show_lod) v_tint = vec4(lod_color(splat.radius / max(pixel, 1e-30)), 0.8);
     if (show_silhouette && silhouette) v_tint = SILHOUETTE_TINT;
-#endif
 #endif
 }

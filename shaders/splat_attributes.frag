@@ -1,14 +1,16 @@
 // Role: attribute pass of a splat: add its kernel-weighted normal, colour, distance and tint to the sums.
-// In:   v_disc and the flat attributes of splat.vert; the tiles' array textures.
+// In:   what disc_point.glsl needs and the flat attributes of splat.vert; the tiles' array textures.
 // Out:  the sums of include/accumulate.glsl, blended additively, tested against the depth of the visibility pass.
 // Source: Holst and Schumann 2007, eq. 11 (texel) and 14 (kernel); Botsch et al. 2005, section 5.
 #include "hemisphere.glsl"
 #include "accumulate.glsl"
+#include "disc_point.glsl"
 
-in vec2 v_disc;
+#ifndef SPRITE
 flat in vec3 v_o1;
 flat in vec3 v_o2;
 flat in vec3 v_normal;
+#endif
 #ifdef NORMAL_MAPPING
 flat in vec3 v_tile;
 uniform sampler2DArray tile_normals;
@@ -28,7 +30,8 @@ uniform bool show_outlines;
 
 void main()
 {
-    float rho2 = dot(v_disc, v_disc);
+    DiscPoint point = disc_point();
+    float rho2 = dot(point.at, point.at);
     if (rho2 > 1.0) discard;
     float weight = exp(-SHARPNESS * rho2);
     vec3 normal = v_normal;
@@ -37,7 +40,7 @@ void main()
 #endif
 #ifdef NORMAL_MAPPING
     if (v_tile.z >= 0.0) {
-        vec3 at = vec3(v_tile.xy + tile_scale * v_disc, v_tile.z);
+        vec3 at = vec3(v_tile.xy + tile_scale * point.at, v_tile.z);
         vec3 local = decode_hemisphere(texture(tile_normals, at).rg);
         normal = normalize(local.x * v_o1 + local.y * v_o2 + local.z * v_normal);
 #ifdef COLOR
@@ -52,7 +55,7 @@ void main()
     sum_color = vec4(weight * color, weight);
 #endif
 #ifdef DEPTH
-    sum_depth = vec4(weight / gl_FragCoord.w, weight, 0.0, 0.0);
+    sum_depth = vec4(weight * point.distance, weight, 0.0, 0.0);
 #endif
 #ifdef TINT
     vec4 tint = show_outlines && rho2 > 0.82 ? OUTLINE_TINT : v_tint;

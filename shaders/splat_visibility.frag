@@ -1,9 +1,10 @@
-// Role: visibility pass: depth only, of the disc inside its quad.
-// In:   v_disc. Out: depth.
+// Role: visibility pass: depth only, of the disc inside its rectangle.
+// In:   what disc_point.glsl needs. Out: depth.
 // Source: Botsch et al. 2005, section 4 (visibility splatting).
-in vec2 v_disc;
+#include "disc_point.glsl"
 
 void main()
 {
-    if (dot(v_disc, v_disc) > 1.0) discard;
+    vec2 at = disc_point().at;
+    if (dot(at, at) > 1.0) discard;
 }

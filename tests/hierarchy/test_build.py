@@ -53,7 +53,6 @@ def test_hierarchies_are_well_formed(name):
     assert (nodes.dtype, hierarchy.splats.dtype) == (NODE, SPLAT)
     assert hierarchy.leaf_count == len(model.faces if isinstance(model, Mesh) else model.positions)
     assert (nodes[0]["leaf_begin"], nodes[0]["leaf_end"]) == (0, hierarchy.leaf_count)
-    assert nodes["tile"].tolist() == list(range(len(nodes)))
     for field in NODE.names:
         assert np.isfinite(nodes[field]).all()
     for node in nodes:

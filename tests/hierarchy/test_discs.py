@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_models import box, bumpy_sphere, cloud_of, icosphere, mesh_of, surfel_sphere, terrain, thin_sheet, turned
 
+from hierarchy.boxes import TURN_STEP, TURNS, WHOLE_DISC, tight_box
 from hierarchy.cones import normal_cones
 from hierarchy.discs import MEAN_NORMAL_MIN, enclosing_circle, node_discs
 from hierarchy.frames import tangents
@@ -146,7 +147,7 @@ MODELS = {
 
 @pytest.mark.parametrize("name", MODELS)
 def test_discs_and_spheres_hold_the_leaves(name):
-    shapes, ranges, (centres, normals, sizes) = nodes_of(MODELS[name](), min_leaves=2)
+    shapes, ranges, (centres, normals, sizes, _) = nodes_of(MODELS[name](), min_leaves=2)
     assert np.isfinite(centres).all()
     assert np.isfinite(sizes).all()
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
@@ -164,7 +165,7 @@ def test_discs_and_spheres_hold_the_leaves(name):
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "far from the origin"])
 def test_discs_are_no_larger_than_the_optimum(name):
-    shapes, ranges, (centres, normals, sizes) = nodes_of(MODELS[name](), min_leaves=2)
+    shapes, ranges, (centres, normals, sizes, _) = nodes_of(MODELS[name](), min_leaves=2)
     triangles = len(shapes.indices) > 0
     small = [node for node, (begin, end) in enumerate(ranges) if end - begin <= (8 if triangles else 2)]
     assert small
@@ -178,7 +179,7 @@ def test_discs_are_no_larger_than_the_optimum(name):
 
 @pytest.mark.parametrize("name", ["bumpy sphere", "terrain", "surfel sphere"])
 def test_planes_have_the_mean_normal_and_the_mean_height(name):
-    shapes, ranges, (centres, normals, sizes) = nodes_of(MODELS[name]())
+    shapes, ranges, (centres, normals, sizes, _) = nodes_of(MODELS[name]())
     for node, (begin, end) in enumerate(ranges):
         weights = shapes.areas[begin:end].astype(float)
         mean = (weights[:, None] * shapes.normals[begin:end]).sum(axis=0)
@@ -191,20 +192,20 @@ def test_planes_have_the_mean_normal_and_the_mean_height(name):
 
 
 def test_normals_that_cancel_leave_the_axis_of_the_cone():
-    _, _, (_, normals, _) = nodes_of(MODELS["two opposite triangles"]())
+    _, _, (_, normals, _, _) = nodes_of(MODELS["two opposite triangles"]())
     across = np.cross([1, 0, 0], [0, 2, 1]) / 5**0.5
     assert abs(normals[0] @ across) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_needle_is_covered_along_its_length():
-    _, _, (centres, _, sizes) = nodes_of(mesh_of([[0, 0, 0], [1, 0, 0], [0.5, 1e-7, 0]], [[0, 1, 2]]))
+    _, _, (centres, _, sizes, _) = nodes_of(mesh_of([[0, 0, 0], [1, 0, 0], [0.5, 1e-7, 0]], [[0, 1, 2]]))
     np.testing.assert_allclose(centres[0], [0.5, 0, 0], atol=1e-6)
     assert sizes[0, 0] == pytest.approx(0.5, rel=1e-5)
     assert sizes[0, 1] == pytest.approx(0.0, abs=1e-7)
 
 
 def test_triangles_without_an_area():
-    shapes, _, (centres, normals, sizes) = nodes_of(mesh_of([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
+    shapes, _, (centres, normals, sizes, _) = nodes_of(mesh_of([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
     assert not shapes.areas.any()
     np.testing.assert_allclose(centres[0], [1, 0, 0], atol=1e-6)
     assert np.linalg.norm(normals[0]) == pytest.approx(1.0)
@@ -212,13 +213,57 @@ def test_triangles_without_an_area():
 
 
 def test_a_flat_model_has_no_thickness():
-    _, _, (_, normals, sizes) = nodes_of(terrain_flat())
+    _, _, (_, normals, sizes, _) = nodes_of(terrain_flat())
     assert sizes[:, 1].max() < 1e-6
     assert np.abs(normals @ normals[0]).min() > 1.0 - 1e-6
 
 
 def test_the_circle_around_a_single_surfel_is_its_octagon():
-    _, _, (centres, normals, sizes) = nodes_of(MODELS["one surfel"]())
+    _, _, (centres, normals, sizes, _) = nodes_of(MODELS["one surfel"]())
     np.testing.assert_allclose(centres[0], [1, 2, 3], atol=1e-6)
     np.testing.assert_allclose(normals[0], [0.6, 0, 0.8], atol=1e-6)
     assert 0.5 <= sizes[0, 0] <= 0.5 * 1.083
+
+
+# --- the rectangle that is drawn of a disc
+
+
+def in_box(at, box):
+    """Return coordinates (P, 2), in radii of the disc, along the turned axes of a box, and the box itself, unpacked."""
+    turn = np.rint(box[3] / TURN_STEP)
+    angle = 0.5 * np.pi * turn / TURNS
+    c, s = np.cos(angle), np.sin(angle)
+    return at @ np.array([[c, -s], [s, c]]), box - [0, 0, 0, TURN_STEP * turn], turn
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_boxes_hold_the_leaves_and_lie_in_the_disc(name):
+    shapes, ranges, (centres, normals, sizes, boxes) = nodes_of(MODELS[name](), min_leaves=2)
+    for k, (begin, end) in enumerate(ranges):
+        at, _ = in_frame(outline(shapes, begin, end), centres[k], normals[k])
+        at, (left, right, low, high), turn = in_box(at / sizes[k, 0], boxes[k].astype(float))
+        assert turn in range(TURNS)
+        assert -1.0 <= left <= right <= 1.0
+        assert -1.0 <= low <= high <= 1.0
+        # The disc is rounded up after its box was measured.
+        slack = 1e-5 + 1e-6 * np.abs(centres[k]).max() / sizes[k, 0]
+        assert (at >= np.array([left, low]) - slack).all()
+        assert (at <= np.array([right, high]) + slack).all()
+
+
+def test_a_box_is_turned_to_where_it_is_smallest():
+    # A long rectangle, turned by one and a half steps: one step off either way at most.
+    angle = 1.5 * 0.5 * np.pi / TURNS
+    along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    points = np.array([a * 0.9 * along + b * 0.1 * across for a in (-1, 1) for b in (-1, 1)])
+    box = np.empty(4)
+    tight_box(points, 0.0, 0.0, 1.0, box)
+    assert np.rint(box[3] / TURN_STEP) in (1, 2)
+    _, (left, right, low, high), _ = in_box(points, box)
+    assert (right - left) * (high - low) < 1.05 * (1.8 * np.cos(0.5 * 0.5 * np.pi / TURNS) + 0.05) * 0.4
+
+
+def test_the_box_of_a_point_is_the_whole_disc():
+    box = np.empty(4)
+    tight_box(np.zeros((3, 2)), 0.0, 0.0, 0.0, box)
+    assert tuple(box) == WHOLE_DISC

@@ -347,12 +347,28 @@ def test_tiles_do_not_depend_on_the_blocks_they_are_baked_in(monkeypatch):
     assert len(calls) == -(-hierarchy.node_count // 7) + 1
 
 
-def test_only_the_wanted_nodes_are_baked():
+def test_only_the_wanted_nodes_are_baked_and_take_room():
     hierarchy = build_hierarchy(bumpy_sphere(4))
     whole = bake_tiles(hierarchy, 8)
-    wanted = np.array([7, 0, 3], np.uint32)
+    wanted = np.array([7, 0, 3, 7], np.uint32)
     some = bake_tiles(hierarchy, 8, nodes=wanted)
-    assert (some.baked, some.count, whole.baked) == (3, hierarchy.node_count, hierarchy.node_count)
-    for node in range(hierarchy.node_count):
-        expected = whole.normal_codes(node) if node in wanted else np.full((8, 8, 2), 128)
-        np.testing.assert_array_equal(some.normal_codes(node), expected)
+    assert (some.count, whole.count) == (3, hierarchy.node_count)
+    assert np.flatnonzero(some.tile_of_node >= 0).tolist() == [0, 3, 7]
+    for node in (0, 3, 7):
+        tile = some.tile_of_node[node]
+        np.testing.assert_array_equal(some.normal_codes(tile), whole.normal_codes(whole.tile_of_node[node]))
+
+
+def test_no_tile_for_no_node():
+    hierarchy = build_hierarchy(bumpy_sphere(4))
+    none = bake_tiles(hierarchy, 8, nodes=np.empty(0, np.uint32))
+    assert none.count == none.nbytes == 0
+    assert none.tiles_of(np.arange(5, dtype=np.uint32)).tolist() == [-1] * 5
+
+
+def test_leaf_surfels_have_no_tiles():
+    hierarchy = build_hierarchy(rough_sphere(), points=True)
+    tiles = bake_tiles(hierarchy, 4)
+    count = hierarchy.node_count
+    splats = np.array([0, count - 1, count, count + hierarchy.leaf_count - 1], np.uint32)
+    assert tiles.tiles_of(splats).tolist() == [0, count - 1, -1, -1]

@@ -34,6 +34,8 @@ class Discs:
         is scaled about the eye, so that it stays plane and covers the same pixels
     o1, o2 : (N, 3), unit tangents, for the tiles' coordinates
     tile_normals : the normal at a point of a disc; None for the discs' own normals
+    boxes, angles : (N, 4) and (N,), what is drawn of each disc: low and high ends along u and along v, which are o1 and
+        o2 turned by the angle; None: all
     """
 
     centres: Float64Array
@@ -43,6 +45,8 @@ class Discs:
     o1: Float64Array
     o2: Float64Array
     tile_normals: TileNormals | None = None
+    boxes: Float64Array | None = None
+    angles: Float64Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +225,11 @@ def _disc_fragments(
         epsilon = float(discs.epsilons[i])
         factor = 1.0 + epsilon / max(float(np.linalg.norm(centre)), epsilon, np.finfo(np.float64).tiny)
         mask = (rho2 <= 1.0) & (factor * parameter >= view.near) & (parameter <= view.far)
+        if discs.boxes is not None and discs.angles is not None:
+            at = (points - centre) @ rotation / radius
+            x, y, c, s = at @ discs.o1[i], at @ discs.o2[i], np.cos(discs.angles[i]), np.sin(discs.angles[i])
+            u, v, (left, right, low, high) = c * x + s * y, c * y - s * x, discs.boxes[i]
+            mask &= (u >= left) & (u <= right) & (v >= low) & (v <= high)
         if not mask.any():
             continue
         hit = points[mask]

@@ -189,7 +189,7 @@ def test_tiles_in_many_layers_are_found(draw: Draw, meteoroid: Scene) -> None:
         layers[layer, row : row + tiles.texels, column : column + tiles.texels] = tiles.normal_codes(tile)
     assert len(layers) > 4
     assert LAYER_SIZE != 64
-    frame, _ = draw(view, hierarchy, NormalTiles(tiles.texels, tiles.count, tiles.baked, layers, None))
+    frame, _ = draw(view, hierarchy, NormalTiles(tiles.texels, tiles.count, tiles.tile_of_node, layers, None))
     assert same(frame, expected)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import shaders
+from hierarchy.boxes import TURN_STEP, TURNS
 from hierarchy.encoding import decode_hemisphere, encode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.hierarchy import SPLAT
@@ -104,10 +105,11 @@ def test_a_shader_that_is_not_there_is_an_error() -> None:
 
 @pytest.mark.parametrize("primitive", ["splat", "triangle"])
 def test_all_variants_of_the_passes_compile(ctx: moderngl.Context, primitive: str) -> None:
-    make_program(ctx, f"{primitive}.vert", f"{primitive}_visibility.frag", {"RECORD_WIDTH": 8, "VISIBILITY": 1})
-    for normal_mapping, color, depth, tint in itertools.product((False, True), repeat=4):
+    for normal_mapping, sprite, color, depth, tint in itertools.product((False, True), repeat=5):
         targets = Targets(ctx, (4, 4), color=color, depth=depth, tint=tint)
-        defines = Variant(normal_mapping, color, depth, tint).defines(targets)
+        variant = Variant(normal_mapping, sprite, color, depth, tint)
+        make_program(ctx, f"{primitive}.vert", f"{primitive}_visibility.frag", variant.visibility_defines).release()
+        defines = variant.defines(targets)
         program = make_program(ctx, f"{primitive}.vert", f"{primitive}_attributes.frag", defines)
         assert ("tile_normals" in program) == (normal_mapping and primitive == "splat")
         assert ("show_lod" in program) == tint
@@ -188,14 +190,17 @@ def test_the_splat_record_is_the_same_in_python_and_glsl() -> None:
     source = shader_source("include/splat_record.glsl")
     struct = re.search(r"struct Splat \{(.*?)\};", source, re.DOTALL)
     assert struct
-    members = re.findall(r"(vec3|float) (\w+);", struct[1])
+    # The turn is taken out of the box.
+    members = re.findall(r"(vec3|vec4|float) (\w+);", struct[1])
     assert tuple(name for _, name in members) == SPLAT.names
-    shapes = {"vec3": (3,), "float": ()}
+    shapes = {"vec4": (4,), "vec3": (3,), "float": ()}
     assert all(SPLAT[name].base == np.float32 and SPLAT[name].shape == shapes[kind] for kind, name in members)
     # What the constructor puts into each member: swizzles of the texels a, b, ... in order.
     built = re.search(r"return Splat\((.+)\);", source)
     assert built
     offsets = [16 * "ab".index(texel) + 4 * "xyzw".index(first) for texel, first in re.findall(r"(\w)\.(\w)", built[1])]
+    offsets.append(32)
+    assert re.search(r"vec4 box = texelFetch\(splat_records, at \+ ivec2\(2, 0\), 0\);", source)
     assert offsets == [SPLAT.fields[name][1] for name in SPLAT.names]  # type: ignore[index]
     assert SPLAT.itemsize == 16 * TEXELS_PER_SPLAT
 
@@ -203,7 +208,8 @@ def test_the_splat_record_is_the_same_in_python_and_glsl() -> None:
 def test_records_arrive_as_they_were_sent(ctx: moderngl.Context) -> None:
     # More than fill one row of the texture.
     records = np.zeros(RECORD_WIDTH // TEXELS_PER_SPLAT + 100, SPLAT)
-    records.view(np.float32)[:] = np.random.default_rng(3).normal(size=records.nbytes // 4)
+    # Quarters, which no sum of a turn and a coordinate rounds.
+    records.view(np.float32)[:] = np.random.default_rng(3).integers(-64, 64, records.nbytes // 4) / 4
     texture = data_texture(ctx, records.view(np.float32).reshape(-1, 4), 4, "f4")
     body = """
     int index = at.y * textureSize(values, 0).x + at.x;
@@ -213,7 +219,16 @@ def test_records_arrive_as_they_were_sent(ctx: moderngl.Context) -> None:
     second = vec4(splat.normal, splat.thickness);
     """
     defines = f"#define RECORD_WIDTH {RECORD_WIDTH}\n#define COUNT {len(records)}\n"
-    parts = evaluate(ctx, ["splat_record.glsl"], body, texture, defines)
-    fetched = np.concatenate([part.reshape(-1, 4)[: len(records)] for part in parts], axis=1)
+    parts = list(evaluate(ctx, ["splat_record.glsl"], body, texture, defines))
+    box_body = body.split("first = vec4", maxsplit=1)[0] + "first = splat.box; second = vec4(float(splat.turn));"
+    box, turn = evaluate(ctx, ["splat_record.glsl"], box_body, texture, defines)
+    box = box + TURN_STEP * turn * [0.0, 0.0, 0.0, 1.0]
+    fetched = np.concatenate([part.reshape(-1, 4)[: len(records)] for part in [*parts, box]], axis=1)
     texture.release()
-    assert np.array_equal(fetched, records.view(np.float32).reshape(-1, 8))
+    assert np.array_equal(fetched, records.view(np.float32).reshape(-1, 12))
+
+
+def test_boxes_are_turned_in_the_same_steps_in_python_and_glsl() -> None:
+    source = shader_source("include/splat_record.glsl")
+    assert f"const int TURNS = {TURNS};" in source
+    assert f"const float TURN_STEP = {TURN_STEP};" in source
