@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import reference as reference_module
-from benchmarks.reference import cast
+from app.errors import UsageError
+from benchmarks import ray_caster
+from benchmarks.ray_caster import RayCaster, Sample
+from benchmarks.reference import Reference, cast, load_reference, save_reference
 from hierarchy.model import Mesh
 from hierarchy.view import View, look_at
 
@@ -122,15 +127,54 @@ def test_sphere_from_the_side_agrees_with_its_equation() -> None:
     assert np.quantile(np.linalg.norm(points - picture.normal[full], axis=1), 0.9) < 5e-3
 
 
-def test_chunks_and_the_skipping_of_empty_pixels_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def same(a: Reference, b: Reference) -> bool:
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ("normal", "depth", "coverage"))
+
+
+def test_parts_threads_and_the_skipping_of_empty_pixels_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh, view = sphere(12), front_view(distance=3.0)
     once = cast(mesh, view, 2)
-    monkeypatch.setattr(reference_module, "RAYS_PER_CHUNK", 37)
-    monkeypatch.setattr(reference_module, "_pixels_near", lambda *_: np.nonzero(np.ones((30, 40), np.bool_)))
-    piecewise = cast(mesh, view, 2)
-    assert np.array_equal(once.coverage, piecewise.coverage)
-    assert np.array_equal(once.normal, piecewise.normal)
-    assert np.array_equal(once.depth, piecewise.depth)
+    monkeypatch.setattr(ray_caster, "RAYS_PER_CALL", 37)
+    monkeypatch.setattr(ray_caster, "pixels_near", lambda *_: np.arange(30 * 40))
+    assert same(cast(mesh, view, 2), once)
+    monkeypatch.setattr(ray_caster.os, "cpu_count", lambda: 1)
+    assert same(cast(mesh, view, 2), once)
+
+
+def test_one_caster_serves_many_views() -> None:
+    mesh = sphere(12)
+    caster = RayCaster(mesh)
+    for distance in (3.0, 2.0):
+        view = front_view(distance=distance)
+        assert same(cast(caster, view, 2), cast(mesh, view, 2))
+
+
+def test_the_mean_is_that_of_the_samples_shown_on_the_way() -> None:
+    shown: list[Sample] = []
+    picture = cast(square(0.0, half=0.55), front_view(), 2, shown.append)
+    assert len(shown) == 4
+    hits = np.mean([np.isfinite(sample.depth) for sample in shown], axis=0)
+    assert np.array_equal(picture.coverage, hits.astype(np.float32))
+    # The points go along the rows first: the right edge, in the middle of column 25, parts the left from the right.
+    assert [bool(np.isfinite(sample.depth[15, 25])) for sample in shown] == [True, False, True, False]
+    assert [bool(np.isfinite(sample.depth[9, 20])) for sample in shown] == [False, False, True, True]
+    assert all(sample.color is None for sample in shown)
+
+
+def test_colors_are_interpolated_as_the_normals_are_but_not_scaled() -> None:
+    corners = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 1.0, 0.0)])
+    colors = np.array([(255, 0, 0, 255), (0, 255, 0, 255), (0, 0, 255, 9)], np.uint8)
+    mesh = replace(mesh_of(corners, [(0, 1, 2)], [(0, 0, 1)] * 3), colors=colors)
+    shown: list[Sample] = []
+    cast(mesh, front_view(), 1, shown.append)
+    color = shown[0].color
+    assert color is not None
+    hit = np.isfinite(shown[0].depth)
+    rows, columns = np.nonzero(hit)
+    blue = 0.5 + 0.5 * (14.5 - rows) / 10.0  # the height over the triangle's lower side
+    green = 0.5 * (1.0 - blue) + 0.5 * (columns - 19.5) / 10.0
+    assert np.allclose(color[hit], np.stack([1.0 - green - blue, green, blue], -1), atol=1e-5)
+    assert not color[~hit].any()
 
 
 def test_an_eye_inside_the_model_sees_it_all_around() -> None:
@@ -148,3 +192,54 @@ def test_a_model_behind_the_eye_is_not_seen() -> None:
 def test_no_samples_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one sample"):
         cast(square(0.0), front_view(), 0)
+
+
+def test_a_saved_reference_comes_back_and_a_damaged_one_does_not(tmp_path: Path) -> None:
+    path = tmp_path / "truth.npz"
+    assert load_reference(path) is None
+    made = cast(sphere(12), front_view(), 2)
+    save_reference(path, made)
+    loaded = load_reference(path)
+    assert loaded is not None
+    assert same(loaded, made)
+    assert (loaded.focal_pixels, loaded.picture) == (made.focal_pixels, None)
+    save_reference(path, replace(made, picture=np.full((30, 40, 3), 7, np.uint8)))
+    pictured = load_reference(path)
+    assert pictured is not None
+    assert pictured.picture is not None
+    assert (pictured.picture == 7).all()
+    assert [each.name for each in tmp_path.iterdir()] == ["truth.npz"]  # nothing half-written is left
+
+    whole = path.read_bytes()
+    damaged = bytearray(whole)
+    damaged[len(whole) // 3] ^= 0xFF
+    for content in (whole[: len(whole) // 2], bytes(damaged), b"", b"no archive"):
+        path.write_bytes(content)
+        assert load_reference(path) is None
+    np.savez(path, normal=made.normal, depth=made.depth[:-1], coverage=made.coverage, focal_pixels=1.0)
+    assert load_reference(path) is None
+    np.savez(path, normal=made.normal)
+    assert load_reference(path) is None
+
+
+def test_a_reference_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "truth.npz"
+    made = cast(square(0.0), front_view(), 1)
+    save_reference(path, made)
+
+    def full_disc(*_: object, **__: object) -> None:
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(np, "savez", full_disc)
+    with pytest.raises(OSError, match="no space"):
+        save_reference(path, replace(made, focal_pixels=1.0))
+    loaded = load_reference(path)
+    assert loaded is not None
+    assert loaded.focal_pixels == made.focal_pixels
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_without_embreex_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    with pytest.raises(UsageError, match=r"^benchmarks need embreex: pip install 'surfelscope\[bench\]' .*$"):
+        cast(square(0.0), front_view())
