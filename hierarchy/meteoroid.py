@@ -36,19 +36,23 @@ EDGES_A_WAVE = 4.0
 # Step of the differences that give the normals: far below the finest wave, far above the rounding of doubles.
 STEP = 1e-5
 
+# Vertices that choose among the craters together; they follow each other on the sphere.
+BLOCK = 64
+# Radians by which `_height` bends a direction at most: noise is below 1.1, so 1.1 sqrt(3) (0.035 + 0.007) = 0.08.
+MOST_BEND = 0.1
 
-def make_meteoroid(triangles: int = 300_000) -> Mesh:
+
+def make_meteoroid(triangles: int = 300_000, *, detail_of: int | None = None) -> Mesh:
     """Make a meteoroid of about `triangles` triangles and a radius of about 1; closed, with exact normals.
 
+    detail_of : the roughness is the one of a meteoroid of so many triangles, so that the surface stays the same while
+        `triangles` changes; None: as fine as `triangles` carry
     Raises ValueError where `triangles` is below 20 or beyond what 32-bit indices hold.
     """
     if not 20 <= triangles <= 500_000_000:
         raise ValueError("a meteoroid has between 20 and 500 million triangles")
-    frequency = max(1, round(math.sqrt(triangles / 20.0)))
-    directions, faces = geodesic_sphere(frequency)
-    # An edge of the icosahedron spans 1.107 radians.
-    finest = max(ROUGH_FREQUENCY, frequency / 1.107 / EDGES_A_WAVE)
-    octaves = 1 + int(math.log2(finest / ROUGH_FREQUENCY))
+    directions, faces = geodesic_sphere(_frequency(triangles))
+    octaves = _octaves(_frequency(triangles if detail_of is None else detail_of))
     positions, normals = _raise_surface(directions, _craters(), octaves)
     origin = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
     return Mesh(
@@ -59,6 +63,18 @@ def make_meteoroid(triangles: int = 300_000) -> Mesh:
         normals=normals.astype(np.float32),
         closed=True,
     )
+
+
+def _frequency(triangles: int) -> int:
+    """Return into how many pieces an edge of the icosahedron is cut for about so many triangles."""
+    return max(1, round(math.sqrt(triangles / 20.0)))
+
+
+def _octaves(frequency: int) -> int:
+    """Return how many octaves of roughness the triangles carry."""
+    # An edge of the icosahedron spans 1.107 radians.
+    finest = max(ROUGH_FREQUENCY, frequency / 1.107 / EDGES_A_WAVE)
+    return 1 + int(math.log2(finest / ROUGH_FREQUENCY))
 
 
 def _craters() -> Float64Array:
@@ -125,21 +141,60 @@ def _raise_surface(directions: Float64Array, craters: Float64Array, octaves: int
     """
     positions = np.empty_like(directions)
     normals = np.empty_like(directions)
-    for v in prange(len(directions)):
-        x, y, z = directions[v, 0], directions[v, 1], directions[v, 2]
-        # Any two tangents will do (Duff et al., Building an Orthonormal Basis, Revisited, 2017).
-        sign = math.copysign(1.0, z)
-        f = -1.0 / (sign + z)
-        g = x * y * f
-        ux, uy, uz = 1.0 + sign * x * x * f, sign * g, -sign * x
-        vx, vy, vz = g, sign + y * y * f, -y
-        height = _height(x, y, z, craters, octaves)
-        s = 1.0 / math.sqrt(1.0 + STEP * STEP)
-        across = _height(s * (x + STEP * ux), s * (y + STEP * uy), s * (z + STEP * uz), craters, octaves)
-        along = _height(s * (x + STEP * vx), s * (y + STEP * vy), s * (z + STEP * vz), craters, octaves)
-        du, dv = (across - height) / (STEP * height), (along - height) / (STEP * height)
-        nx, ny, nz = x - du * ux - dv * vx, y - du * uy - dv * vy, z - du * uz - dv * vz
-        length = math.sqrt(nx * nx + ny * ny + nz * nz)
-        normals[v, 0], normals[v, 1], normals[v, 2] = nx / length, ny / length, nz / length
-        positions[v, 0], positions[v, 1], positions[v, 2] = height * x, height * y, height * z
+    for block in prange((len(directions) + BLOCK - 1) // BLOCK):
+        begin, end = block * BLOCK, min((block + 1) * BLOCK, len(directions))
+        near = _craters_near(directions[begin:end], craters)
+        for v in range(begin, end):
+            _raise_vertex(directions, v, near, octaves, positions, normals)
     return positions, normals
+
+
+@njit(cache=True, nogil=True)
+def _craters_near(directions: Float64Array, craters: Float64Array) -> Float64Array:
+    """Return the craters whose reach can meet the bent directions, in the same order."""
+    middle = len(directions) // 2
+    x, y, z = directions[middle, 0], directions[middle, 1], directions[middle, 2]
+    chord2 = 0.0
+    for v in range(len(directions)):
+        dx, dy, dz = directions[v, 0] - x, directions[v, 1] - y, directions[v, 2] - z
+        chord2 = max(chord2, dx * dx + dy * dy + dz * dz)
+    around = min(2.0 * math.asin(min(0.5 * math.sqrt(chord2), 1.0)) + MOST_BEND, math.pi)
+    sine, cosine = math.sin(around), math.cos(around)
+    kept = np.empty_like(craters)
+    count = 0
+    for k in range(len(craters)):
+        # Compare with the cosine of the sum of both angles, which may exceed 180 degrees.
+        reach = craters[k, 3]
+        limit = cosine * reach - sine * math.sqrt(max(1.0 - reach * reach, 0.0))
+        if reach <= -cosine or x * craters[k, 0] + y * craters[k, 1] + z * craters[k, 2] > limit:
+            kept[count] = craters[k]
+            count += 1
+    return kept[:count]
+
+
+@njit(cache=True, nogil=True)
+def _raise_vertex(
+    directions: Float64Array,
+    v: int,
+    craters: Float64Array,
+    octaves: int,
+    positions: Float64Array,
+    normals: Float64Array,
+) -> None:
+    """Write the position and the unit normal over one direction."""
+    x, y, z = directions[v, 0], directions[v, 1], directions[v, 2]
+    # Any two tangents will do (Duff et al., Building an Orthonormal Basis, Revisited, 2017).
+    sign = math.copysign(1.0, z)
+    f = -1.0 / (sign + z)
+    g = x * y * f
+    ux, uy, uz = 1.0 + sign * x * x * f, sign * g, -sign * x
+    vx, vy, vz = g, sign + y * y * f, -y
+    height = _height(x, y, z, craters, octaves)
+    s = 1.0 / math.sqrt(1.0 + STEP * STEP)
+    across = _height(s * (x + STEP * ux), s * (y + STEP * uy), s * (z + STEP * uz), craters, octaves)
+    along = _height(s * (x + STEP * vx), s * (y + STEP * vy), s * (z + STEP * vz), craters, octaves)
+    du, dv = (across - height) / (STEP * height), (along - height) / (STEP * height)
+    nx, ny, nz = x - du * ux - dv * vx, y - du * uy - dv * vy, z - du * uz - dv * vz
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    normals[v, 0], normals[v, 1], normals[v, 2] = nx / length, ny / length, nz / length
+    positions[v, 0], positions[v, 1], positions[v, 2] = height * x, height * y, height * z

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+import hierarchy.meteoroid as meteoroid_module
+from hierarchy.geodesic_sphere import geodesic_sphere
 from hierarchy.half_edges import is_closed
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.sides import signed_volume
@@ -51,6 +53,31 @@ def test_it_is_rough_at_every_scale(meteoroid):
 
 def test_it_is_the_same_every_time(meteoroid):
     np.testing.assert_array_equal(make_meteoroid(40_000).positions, meteoroid.positions)
+
+
+def test_detail_of_keeps_the_surface_while_the_triangles_change(meteoroid):
+    # The vertices of a sphere cut half as finely are among those of the finer one: same octaves, same places.
+    coarse = make_meteoroid(500, detail_of=40_000)
+    fine = make_meteoroid(2_000, detail_of=40_000)
+    fine_places = {tuple(np.round(p + fine.origin, 6)) for p in fine.positions.astype(np.float64)}
+    shared = [tuple(np.round(p + coarse.origin, 6)) in fine_places for p in coarse.positions.astype(np.float64)]
+    assert np.mean(shared) > 0.9
+    bare = make_meteoroid(500)
+    assert np.abs(bare.positions - coarse.positions).max() > 1e-3
+    np.testing.assert_array_equal(make_meteoroid(40_000, detail_of=40_000).positions, meteoroid.positions)
+
+
+@pytest.mark.parametrize("triangles", [20, 500, 20_000])
+def test_every_crater_in_reach_is_found(triangles):
+    # One block that holds the whole sphere keeps every crater.
+    blocks = make_meteoroid(triangles)
+    directions, _ = geodesic_sphere(round((triangles / 20) ** 0.5))
+    craters = meteoroid_module._craters()
+    assert len(meteoroid_module._craters_near(directions, craters)) == len(craters)
+    octaves = meteoroid_module._octaves(round((triangles / 20) ** 0.5))
+    heights = [meteoroid_module._height(*direction, craters, octaves) for direction in directions]
+    positions = np.asarray(heights)[:, None] * directions
+    np.testing.assert_allclose(blocks.positions, positions - blocks.origin, atol=1e-6)
 
 
 def test_the_smallest_and_the_impossible():
