@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-from benchmarks.ray_caster import RayCaster, Sample
+from benchmarks.rays import RayCaster, Sample
 from hierarchy.model import Float32Array, Float64Array, Int32Array, Mesh, UInt8Array
 from hierarchy.view import View
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from app.errors import UsageError
-from benchmarks import ray_caster
-from benchmarks.ray_caster import RayCaster, Sample
+from benchmarks import rays
+from benchmarks.rays import RayCaster, Sample
 from benchmarks.reference import Reference, cast, load_reference, save_reference
 from hierarchy.model import Mesh
 from hierarchy.view import View, look_at
@@ -134,10 +134,10 @@ def same(a: Reference, b: Reference) -> bool:
 def test_parts_threads_and_the_skipping_of_empty_pixels_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh, view = sphere(12), front_view(distance=3.0)
     once = cast(mesh, view, 2)
-    monkeypatch.setattr(ray_caster, "RAYS_PER_CALL", 37)
-    monkeypatch.setattr(ray_caster, "pixels_near", lambda *_: np.arange(30 * 40))
+    monkeypatch.setattr(rays, "RAYS_PER_CALL", 37)
+    monkeypatch.setattr(rays, "pixels_near", lambda *_: np.arange(30 * 40))
     assert same(cast(mesh, view, 2), once)
-    monkeypatch.setattr(ray_caster.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(rays.os, "cpu_count", lambda: 1)
     assert same(cast(mesh, view, 2), once)
 
 
