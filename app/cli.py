@@ -23,12 +23,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGINT, _end_at_once)
     # All imports come after this, so that an interrupt is quiet from the first moment on.
     from app.errors import GraphicsError, OutputError, UsageError, WindowError
-    from app.options import parse_options
+    from app.options import BENCH, parse_options
     from hierarchy.model import ModelError
     from renderer.context import ContextError
 
     try:
-        _run(parse_options(sys.argv[1:] if arguments is None else arguments))
+        line = sys.argv[1:] if arguments is None else arguments
+        if line and line[0] == BENCH:
+            # The benchmarks read a command line of their own, and need more than the viewer.
+            from benchmarks.command import run_bench
+
+            run_bench(line[1:])
+        else:
+            _run(parse_options(line))
         # Output that cannot be delivered shows here, not at the interpreter's end.
         sys.stdout.flush()
     except (UsageError, ModelError, ContextError, GraphicsError, OutputError, WindowError) as error:

@@ -14,6 +14,8 @@ from app.errors import UsageError
 
 TEXELS = (2, 4, 8, 16, 32)
 COMMANDS = ("render", "info")
+# Read by benchmarks/options.py.
+BENCH = "bench"
 OUTPUT_SUFFIXES = (".png", ".npz")
 
 # The largest side of a picture that every OpenGL 3.3 driver in use accepts.
@@ -93,7 +95,7 @@ _CAMERA = ("position", "focal_point", "view_up", "view_angle")
 
 _USAGE = {
     "window": "%(prog)s [MODEL] [options]\n       %(prog)s render [MODEL] --output FILE [options]\n"
-    "       %(prog)s info [MODEL] [--json]",
+    "       %(prog)s info [MODEL] [--json]\n       %(prog)s bench [MODEL ...] [options]",
     "render": "%(prog)s [MODEL] --output FILE [options]",
     "info": "%(prog)s [MODEL] [--json]",
 }

@@ -1,0 +1,144 @@
+"""The run itself: every setting that has no record yet is measured, and recorded at once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import moderngl
+
+from benchmarks.environment import describe_environment
+from benchmarks.error import measure
+from benchmarks.measurement import Picture, Workbench
+from benchmarks.methods import METHODS
+from benchmarks.options import BenchOptions
+from benchmarks.paper_table import MODEL as PAPER_MODEL
+from benchmarks.paper_table import VIEW as PAPER_VIEW
+from benchmarks.paper_table import measure_paper_table
+from benchmarks.progress import Progress
+from benchmarks.reference import Reference
+from benchmarks.resume import check_same, check_same_model
+from benchmarks.run_file import Json, Record, Run, Setting, read_run, write_run
+from benchmarks.subject import Subject
+from benchmarks.sweep import settings_of, swept_views
+from benchmarks.truth_cache import TruthCache
+from benchmarks.views import VIEW_ANGLE_DEGREES, views_of
+from hierarchy.view import View
+
+RECORD, CAST, TABLE = "record", "cast", "table"
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is to be measured of a subject: settings without a record, by the names of its views."""
+
+    subject: Subject
+    views: dict[str, View]
+    truths: TruthCache
+    settings: list[Setting]
+    paper: bool
+
+    @property
+    def steps(self) -> Counter[str]:
+        """The work by its kinds."""
+        uncast = {setting.view for setting in self.settings if not self.truths.holds(self.views[setting.view])}
+        return Counter({RECORD: len(self.settings), CAST: len(uncast), TABLE: int(self.paper)})
+
+
+def measure_all(options: BenchOptions, ctx: moderngl.Context) -> Run:
+    """Measure what the command line asks for and the run file does not have; return the whole run.
+
+    The file is put anew after every record, so that an end at any moment loses one.
+    Raises RunFileError, UsageError, ModelError or GraphicsError, each with one line.
+    """
+    run = open_run(options, ctx)
+    plans = [_plan(Subject(path), options, run, first=index == 0) for index, path in enumerate(options.models)]
+    progress = Progress(sum((plan.steps for plan in plans), Counter()))
+    # What cannot be written is better known now than after the first record.
+    write_run(options.output, run)
+    while plans:
+        # What is done with is let go of.
+        _measure_subject(plans.pop(0), options, ctx, run, progress)
+    progress.close()
+    return run
+
+
+def open_run(options: BenchOptions, ctx: moderngl.Context) -> Run:
+    """Return the run to go on with, or a new one; raises RunFileError where what is there is of another kind."""
+    environment = describe_environment(ctx)
+    settings: Json = {
+        "resolution": list(options.resolution),
+        "rounds": options.rounds,
+        "samples": options.samples,
+        "view_angle": VIEW_ANGLE_DEGREES,
+    }
+    if options.restart or not options.output.exists():
+        return Run(environment, settings)
+    run = read_run(options.output)
+    check_same(options.output, run, environment, settings)
+    return run
+
+
+def _plan(subject: Subject, options: BenchOptions, run: Run, *, first: bool) -> Plan:
+    check_same_model(options.output, run, subject.name, subject.info["content"])
+    views = views_of(subject.mesh, options.resolution)
+    wanted = settings_of(
+        subject.name,
+        views,
+        swept_views(options.views, views),
+        closed=subject.mesh.closed,
+        quick=options.quick,
+        everywhere=first or not options.quick,
+    )
+    done = run.measured()
+    truths = TruthCache(options.output.parent / "references", subject, options.samples)
+    paper = subject.name == PAPER_MODEL and not run.paper
+    return Plan(subject, views, truths, [setting for setting in wanted if setting not in done], paper)
+
+
+def _measure_subject(plan: Plan, options: BenchOptions, ctx: moderngl.Context, run: Run, progress: Progress) -> None:
+    """Measure all settings of a plan, and the paper's table where it is of this model."""
+    if not plan.settings and not plan.paper:
+        return
+    subject = plan.subject
+    bench = Workbench(ctx, subject, options.resolution)
+    for setting in plan.settings:
+        view = plan.views[setting.view]
+        if not plan.truths.holds(view):
+            progress.begin(CAST, f"{subject.name}, {setting.view}: casting rays")
+        truth = plan.truths.get(view)
+        progress.begin(RECORD, describe(setting))
+        cost, picture = bench.measure(METHODS[setting.method], setting, view, options.rounds)
+        run.records.append(Record(setting, cost, error_of(picture, truth)))
+        _keep(run, subject)
+        write_run(options.output, run)
+    if plan.paper:
+        progress.begin(TABLE, f"{subject.name}: the paper's figure 10")
+        run.paper = measure_paper_table(bench, plan.views[PAPER_VIEW], options.rounds)
+        _keep(run, subject)
+        write_run(options.output, run)
+    progress.end()
+    bench.release()
+
+
+def error_of(picture: Picture, truth: Reference) -> Json:
+    """Return what separates a picture from the truth, for a record."""
+    return measure(picture.normal, picture.depth, picture.coverage, truth).to_dict()
+
+
+def _keep(run: Run, subject: Subject) -> None:
+    """Add to the run what the subject knows by now; what an earlier part of the run measured stays."""
+    kept = run.models.setdefault(subject.name, {})
+    for name, value in subject.info.items():
+        if isinstance(value, dict):
+            kept[name] = {**value, **kept.get(name, {})}
+        else:
+            kept.setdefault(name, value)
+
+
+def describe(setting: Setting) -> str:
+    """Return a setting in words."""
+    words = f"{setting.model}, {setting.view}: {setting.method}"
+    if METHODS[setting.method].radii:
+        words += f", r_sil {setting.r_sil:g}, r_inner {setting.r_inner:g}"
+    return words + (f", w_s {setting.w_s}" if setting.w_s else "")

@@ -1,0 +1,129 @@
+"""A model under measurement: its mesh, what is built from it, and what the building takes."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from app.errors import UsageError
+from app.memory import peak_memory_mb
+from benchmarks.run_file import Json
+from hierarchy.build import build_hierarchy
+from hierarchy.hierarchy import Hierarchy
+from hierarchy.load import load_model
+from hierarchy.lod import Cut
+from hierarchy.meteoroid import make_meteoroid
+from hierarchy.model import Mesh, Model
+from hierarchy.normal_tiles import NormalTiles, bake_tiles
+
+T = TypeVar("T")
+
+BUILT_IN = "built-in"
+# Tiles of a whole model are baked up to this size; beyond, only those that a cut draws.
+WHOLE_TILES_BYTES = 1_500_000_000
+# Triangles of the model that is built and baked once so that compiling does not count as building.
+WARM_UP_TRIANGLES = 2_000
+NORMAL_BYTES = 2
+
+
+class Subject:
+    """A mesh, its two hierarchies and its tiles, each made when it is first asked for.
+
+    name : of the mesh
+    info : what a run file says of it under "models"; grows with what is made
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        """Load the model, None: the built-in one, without its colours, which the baseline does not draw either.
+
+        Raises ModelError where it cannot be read, UsageError where it has no surface to compare with.
+        """
+        warm_up()
+        model, load_s = timed(lambda: _load(path))
+        if not isinstance(model, Mesh):
+            raise UsageError(f"{model.name}: a point cloud has no surface to compare with")
+        self.mesh: Mesh = replace(model, colors=None)
+        self.name: str = model.name
+        self.digest = _mesh_digest(self.mesh)
+        self.info: Json = {
+            "content": BUILT_IN if path is None else _file_digest(path),
+            "triangles": len(model.faces),
+            "vertices": len(model.positions),
+            "closed": model.closed,
+            "load_s": load_s,
+            "bake_s": {},
+            "tile_bytes": {},
+        }
+        self._hierarchies: dict[bool, Hierarchy] = {}
+        self._tiles: tuple[tuple[bool, int], NormalTiles] | None = None
+
+    def hierarchy(self, *, points: bool) -> Hierarchy:
+        """Return the point hierarchy or the hybrid one."""
+        if points not in self._hierarchies:
+            hierarchy, build_s = timed(lambda: build_hierarchy(self.mesh, points=points))
+            self._hierarchies[points] = hierarchy
+            of = "points_" if points else ""
+            self.info |= {
+                f"{of}build_s": build_s,
+                f"{of}nodes": hierarchy.node_count,
+                f"{of}leaves": hierarchy.leaf_count,
+                f"{of}hierarchy_bytes": hierarchy.nbytes,
+                "peak_memory_mb": peak_memory_mb(),
+            }
+        return self._hierarchies[points]
+
+    def tile_bytes(self, *, points: bool, texels: int) -> int:
+        """Return the bytes that the tiles of all nodes take."""
+        return self.hierarchy(points=points).node_count * texels**2 * NORMAL_BYTES
+
+    def tiles(self, cut: Cut, *, points: bool, texels: int) -> NormalTiles:
+        """Return the tiles of all nodes, or where they are too many those of the cut. Only the last are kept."""
+        hierarchy = self.hierarchy(points=points)
+        size = self.tile_bytes(points=points, texels=texels)
+        if size > WHOLE_TILES_BYTES:
+            return bake_tiles(hierarchy, texels, nodes=cut.splats[cut.splats < hierarchy.node_count])
+        if self._tiles is None or self._tiles[0] != (points, texels):
+            # Two atlases at once may be more than fits.
+            self._tiles = None
+            tiles, bake_s = timed(lambda: bake_tiles(hierarchy, texels))
+            self._tiles = (points, texels), tiles
+            if not points:
+                self.info["bake_s"][str(texels)] = bake_s
+                self.info["tile_bytes"][str(texels)] = size
+        return self._tiles[1]
+
+
+def warm_up() -> None:
+    """Have everything compiled that building and baking needs."""
+    small = make_meteoroid(WARM_UP_TRIANGLES)
+    for points in (False, True):
+        bake_tiles(build_hierarchy(small, points=points), 4)
+
+
+def timed(work: Callable[[], T]) -> tuple[T, float]:
+    """Return what the work returns and the seconds that it took."""
+    start = time.perf_counter()
+    result = work()
+    return result, time.perf_counter() - start
+
+
+def _load(path: Path | None) -> Model:
+    return make_meteoroid() if path is None else load_model(path)
+
+
+def _file_digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _mesh_digest(mesh: Mesh) -> str:
+    digest = hashlib.sha256()
+    for array in (mesh.positions, mesh.faces, mesh.normals):
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
