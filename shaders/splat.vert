@@ -47,6 +47,9 @@ uniform sampler2D splat_colors;
 #endif
 #ifdef TINT
 flat out vec4 v_tint;
+#ifndef SPRITE
+out vec2 v_edge;  // -1 and 1 at the rectangle's edges
+#endif
 uniform bool show_silhouette;
 uniform bool show_lod;
 #include "tint.glsl"
@@ -114,6 +117,9 @@ void main()
     v_color = texelFetch(splat_colors, ivec2(index % RECORD_WIDTH, index / RECORD_WIDTH), 0).rgb;
 #endif
 #ifdef TINT
+#ifndef SPRITE
+    v_edge = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+#endif
     v_tint = vec4(0.0);
     if (show_lod) v_tint = vec4(lod_color(splat.radius / max(pixel, 1e-30)), 0.8);
     if (show_silhouette && silhouette) v_tint = SILHOUETTE_TINT;

@@ -24,6 +24,9 @@ flat in vec3 v_color;
 #endif
 #ifdef TINT
 flat in vec4 v_tint;
+#ifndef SPRITE
+in vec2 v_edge;
+#endif
 uniform bool show_outlines;
 #include "tint.glsl"
 #endif
@@ -58,9 +61,13 @@ void main()
     sum_depth = vec4(weight * point.distance, weight, 0.0, 0.0);
 #endif
 #ifdef TINT
-    vec4 tint = show_outlines && rho2 > 0.82 ? OUTLINE_TINT : v_tint;
+    bool outline = show_outlines && rho2 > 0.82;
+#ifndef SPRITE
+    outline = outline || (show_outlines && max(abs(v_edge.x), abs(v_edge.y)) > 0.9);
+#endif
+    vec4 tint = outline ? OUTLINE_TINT : v_tint;
     // An outline's weight must not fade with the kernel, or no rim would ever show.
-    float shown = show_outlines && rho2 > 0.82 ? 1.0 : weight;
+    float shown = outline ? 1.0 : weight;
     sum_tint = vec4(shown * tint.a * tint.rgb, shown * tint.a);
 #endif
 }

@@ -47,8 +47,8 @@ CLEAR = 1e-4
 OUTLIERS = 2
 
 
-def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View) -> Discs:
-    """Return the splats of a cut as the equations of the passes have them."""
+def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, whole: bool) -> Discs:
+    """Return the splats of a cut as the equations of the passes have them; `whole` discs or their rectangles."""
     splats = hierarchy.splats[cut.splats]
     normals, radii = splats["normal"].astype(np.float64), splats["radius"].astype(np.float64)
     thickness = splats["thickness"].astype(np.float64)
@@ -80,13 +80,18 @@ def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view:
         o1,
         o2,
         tile_normals,
-        np.clip(boxes + margins, -1.0, 1.0),
+        None if whole else np.clip(boxes + margins, -1.0, 1.0),
         0.5 * np.pi * turns / TURNS,
     )
 
 
 def numpy_picture(
-    hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, offset: tuple[float, float] = (0.0, 0.0)
+    hierarchy: Hierarchy,
+    tiles: NormalTiles | None,
+    cut: Cut,
+    view: View,
+    offset: tuple[float, float] = (0.0, 0.0),
+    whole: bool = False,
 ) -> Picture:
     triangles, leaves = None, hierarchy.leaves
     if isinstance(leaves, Triangles):
@@ -94,7 +99,7 @@ def numpy_picture(
         triangles = NumpyTriangles(corners, normals, np.full(len(corners), 1.0 / view.focal_pixels))
     return render(
         view,
-        numpy_discs(hierarchy, tiles, cut, view),
+        numpy_discs(hierarchy, tiles, cut, view, whole),
         triangles,
         lambda rho2: np.exp(-SHARPNESS * rho2),
         close_cracks=True,
@@ -103,15 +108,22 @@ def numpy_picture(
 
 
 def assert_same(
-    frame: Frame, hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, compared: float = 0.9
+    frame: Frame,
+    hierarchy: Hierarchy,
+    tiles: NormalTiles | None,
+    cut: Cut,
+    view: View,
+    compared: float = 0.9,
+    *,
+    whole: bool = False,
 ) -> Picture:
     """Compare a frame with numpy's at the pixels where rounding decides nothing; at least this share of them all."""
-    picture = numpy_picture(hierarchy, tiles, cut, view)
+    picture = numpy_picture(hierarchy, tiles, cut, view, whole=whole)
     drawn = picture.coverage > 0.0
     stable = np.where(drawn, picture.margin > CLEAR * np.where(drawn, picture.depth, 1.0), True)
     bound = np.where(drawn, DEPTH_RELATIVE * picture.depth, 0.0)
     for offset in ((SHIFT, SHIFT), (SHIFT, -SHIFT), (-SHIFT, SHIFT), (-SHIFT, -SHIFT)):
-        shifted = numpy_picture(hierarchy, tiles, cut, view, offset)
+        shifted = numpy_picture(hierarchy, tiles, cut, view, offset, whole)
         both = drawn & (shifted.coverage > 0.0)
         turned = both & (angle_degrees(shifted.normal, picture.normal) > 0.25)
         stable &= (drawn == (shifted.coverage > 0.0)) & ~turned
@@ -176,6 +188,37 @@ def test_a_point_hierarchy(
     leaf_splats = int((cut.splats >= hierarchy.node_count).sum())
     assert min(leaf_splats, cut.splat_count - leaf_splats) > 10
     assert_same(frame, hierarchy, tiles, cut, view)
+
+
+@pytest.mark.parametrize("tiled", [True, False], ids=["tiles", "no tiles"])
+def test_point_sprites(draw: Draw, meteoroid: tuple[Hierarchy, NormalTiles], tiled: bool) -> None:
+    hierarchy, tiles = meteoroid[0], meteoroid[1] if tiled else None
+    view = around((1, 2, 3), hierarchy)
+    frame, cut = draw(view, hierarchy, tiles, Settings(splat="sprite"), 2.0, 6.0)
+    assert_same(frame, hierarchy, tiles, cut, view, whole=True)
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 60, 75])
+def test_tilted_point_sprites_in_perspective(draw: Draw, degrees: float) -> None:
+    tilt = math.radians(degrees)
+    normals = [[0, math.sin(tilt), math.cos(tilt)], [0.7 * math.sin(tilt), -0.7 * math.sin(tilt), math.cos(tilt)]]
+    centres = [[-0.5, 0.7, 0], [-0.4, -0.6, 0.2], [0.8, 0.1, -0.3]]
+    hierarchy, tiles = by_hand(centres, [*normals, normals[0]], 0.6, 0.02)
+    view = look_at((0.1, 0.05, 2.2), (0.1, 0, 0), (0, 1, 0), 1.1, (64, 64), bounds=hierarchy.bounds)
+    frame, cut = draw(view, hierarchy, tiles, Settings(splat="sprite"), cut=cut_of(hierarchy, 1))
+    assert_same(frame, hierarchy, tiles, cut, view, whole=True)
+
+
+def test_without_blending_the_nearest_shows(draw: Draw, meteoroid: tuple[Hierarchy, NormalTiles]) -> None:
+    hierarchy, tiles = meteoroid
+    view = around((1, 2, 3), hierarchy)
+    blended, cut = draw(view, hierarchy, tiles, None, 2.0, 6.0)
+    nearest, _ = draw(view, hierarchy, tiles, Settings(blending=False), 2.0, 6.0)
+    assert np.array_equal(nearest.coverage, blended.coverage)
+    # Not where a crack was closed with the mean of what is around it.
+    drawn = (blended.coverage > 0.0) & np.isfinite(numpy_picture(hierarchy, tiles, cut, view).visibility)
+    assert (nearest.depth[drawn] <= blended.depth[drawn] * (1.0 + DEPTH_RELATIVE)).all()
+    assert (nearest.depth[drawn] < blended.depth[drawn]).mean() > 0.5
 
 
 def test_normal_mapping_can_be_switched_off(draw: Draw, meteoroid: tuple[Hierarchy, NormalTiles]) -> None:

@@ -83,6 +83,8 @@ PICTURES: list[tuple[str, str, Settings]] = [
     ("all_overlays", "rock", Settings(silhouette_overlay=True, splat_outlines=True, lod_colors=True)),
     ("ground", "rock", Settings(ground=True)),
     ("no_normal_mapping", "rock", Settings(normal_mapping=False)),
+    ("sprites", "rock", Settings(splat="sprite", splat_outlines=True)),
+    ("unblended", "rock", Settings(blending=False)),
     ("surfels", "rock_of_surfels", Settings()),
     ("surfels_outlines", "rock_of_surfels", Settings(splat_outlines=True)),
     ("one_sided", "open_rock", Settings()),
