@@ -1,12 +1,14 @@
 """How far a picture is from what it should show: normals, silhouette, holes and depth against a `Reference`.
 
+What the shades look like is measured in benchmarks/picture_quality.py.
+
 Terms used below:
 
 - A pixel is *drawn* where the picture's coverage is above 0, *full* where the reference's coverage is 1.
 - Pixels are *compared* where both hold: there the picture has a normal and the reference's is not cut off.
-- *Outline length* is the length in the plane of the picture of the curve where the reference's coverage is one half, by
-  marching squares over the pixel centres. Counts of pixels would depend on the samples: the outline touches some 4 / pi
-  pixels per pixel of its length, of which 3 x 3 samples find two thirds partly covered.
+- The *outline* is the curve where coverage is one half (benchmarks/silhouette.py). Counts of pixels along it would
+  depend on the samples: the outline touches some 4 / pi pixels per pixel of its length, of which 3 x 3 samples find two
+  thirds partly covered.
 - *Area* is the sum of coverage: a partly covered pixel is a part of a pixel.
 """
 
@@ -18,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.reference import Reference
+from benchmarks.silhouette import Displacement, displacement, intersection_over_union, outline_length
 from hierarchy.model import BoolArray, Float32Array, Float64Array
 
 # A full pixel whose coverage in the picture is below this shows more background than surface: a hole.
@@ -46,7 +49,10 @@ class PictureError:
     normal_degrees : angle between the normals over the compared pixels
     smooth_normal_degrees : the same without the pixels within one pixel of a jump of depth or of the outline
     depth_relative : |difference| / reference depth over the compared pixels
-    outline_length : pixels, see the head of this file
+    silhouette : how far the outlines lie apart, in pixels. A picture with one sample a pixel has a mean of about 0.15
+        at best
+    iou : area that both cover by at least one half over that which either does
+    outline_length : of the reference, in pixels
     growth : (area of the picture - area of the reference) / outline length, in pixels; positive is too large
     growth_drawn : the same where every drawn pixel counts as a whole one, however faint
     mismatch : sum of |difference of coverage| / outline length; growth without cancelling. A picture with one sample a
@@ -59,6 +65,8 @@ class PictureError:
     normal_degrees: Distribution
     smooth_normal_degrees: Distribution
     depth_relative: Distribution
+    silhouette: Displacement
+    iou: float
     outline_length: float
     growth: float
     growth_drawn: float
@@ -99,6 +107,8 @@ def measure(normal: Float32Array, depth: Float32Array, coverage: Float32Array, r
         normal_degrees=distribution(degrees),
         smooth_normal_degrees=distribution(degrees[smooth]),
         depth_relative=distribution(depth_error),
+        silhouette=displacement(coverage, reference.coverage),
+        iou=intersection_over_union(coverage, reference.coverage),
         outline_length=length,
         growth=float(difference.sum()) * per_outline,
         growth_drawn=float((drawn - reference.coverage.astype(np.float64)).sum()) * per_outline,
@@ -169,40 +179,3 @@ def _surrounded(mask: BoolArray) -> BoolArray:
 
     result: BoolArray = ndimage.binary_erosion(mask, np.ones((3, 3), np.bool_), border_value=1)
     return result
-
-
-def outline_length(coverage: Float32Array) -> float:
-    """Return the length in pixels of the curve where coverage (H, W), bilinear between pixel centres, is one half.
-
-    Marching squares (Lorensen and Cleveland 1987 in the plane). Where the shape leaves the picture there is no outline.
-    """
-    # Move values of exactly one half off the level, so that every corner is on one side.
-    level = coverage.astype(np.float64) - 0.5
-    level[level == 0.0] = 1e-9
-    corners = [level[:-1, :-1], level[:-1, 1:], level[1:, 1:], level[1:, :-1]]
-    cells = np.nonzero(~_same_sign(corners))
-    c = np.stack([corner[cells] for corner in corners])  # (4, C), around the cell
-    ahead = np.roll(c, -1, axis=0)
-    crossed = (c > 0.0) != (ahead > 0.0)
-    along = np.divide(c, c - ahead, out=np.zeros_like(c), where=crossed)
-    # Point on edge k of the unit cell: its start corner plus `along` times its direction.
-    start = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    direction = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-    points = start[:, None] + along[..., None] * direction[:, None]  # (4, C, 2)
-
-    two = crossed.sum(axis=0) == 2
-    ends = points.swapaxes(0, 1)[two][crossed.T[two]].reshape(-1, 2, 2)
-    length = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
-    # A saddle has four crossings. Its centre decides which corners hang together: where the centre is on the side of
-    # corner 0, the cuts go round corners 1 and 3 (edges 0-1 and 2-3), else round corners 0 and 2 (edges 3-0 and 1-2).
-    saddle = points[:, ~two]
-    around_odd = (c[:, ~two].mean(axis=0) > 0.0) == (c[0, ~two] > 0.0)
-    odd = np.linalg.norm(saddle[0] - saddle[1], axis=1) + np.linalg.norm(saddle[2] - saddle[3], axis=1)
-    even = np.linalg.norm(saddle[3] - saddle[0], axis=1) + np.linalg.norm(saddle[1] - saddle[2], axis=1)
-    return length + float(np.where(around_odd, odd, even).sum())
-
-
-def _same_sign(corners: list[Float64Array]) -> BoolArray:
-    """Return the cells whose four corners are all above or all below zero."""
-    above = np.sum([corner > 0.0 for corner in corners], axis=0)
-    return np.asarray((above == 0) | (above == 4))

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.error import angle_degrees, measure, near_depth_jump, normal_error_image, outline_length
+from benchmarks.error import angle_degrees, measure, near_depth_jump, normal_error_image
 from benchmarks.reference import Reference
 from hierarchy.model import Float32Array
 
@@ -39,36 +39,9 @@ def test_a_picture_equal_to_the_reference_has_no_error(reference: Reference) -> 
     error = measure(reference.normal, reference.depth, reference.coverage, reference)
     assert error.normal_degrees.max == error.depth_relative.max == 0.0
     assert error.normal_degrees.count == (reference.coverage == 1.0).sum()
-    assert (error.growth, error.mismatch) == (0.0, 0.0)
+    assert (error.growth, error.mismatch, error.iou) == (0.0, 0.0, 1.0)
+    assert error.silhouette.hausdorff == pytest.approx(0.0, abs=1e-12)
     assert (error.holes, error.holes_with_border, error.spill) == (0, 0, 0)
-
-
-@pytest.mark.parametrize("samples", [1, 3, 16])
-def test_outline_of_a_disc_is_its_circumference(samples: int) -> None:
-    # Coverage in few steps makes the curve ragged: a little too long, never shorter.
-    length = outline_length(disc_coverage(RADIUS, samples)) / (2.0 * math.pi * RADIUS)
-    assert 0.995 < length < {1: 1.10, 3: 1.05, 16: 1.005}[samples]
-
-
-def test_outline_of_a_half_plane_ends_at_the_border_of_the_picture() -> None:
-    coverage = np.zeros((20, 30), np.float32)
-    coverage[:, 12:] = 1.0
-    assert outline_length(coverage) == pytest.approx(19.0, abs=1e-6)
-
-
-def test_outline_of_a_saddle_is_that_of_the_corners_its_centre_hangs_with() -> None:
-    # Two diagonal corners at 1: cuts of half a cell's diagonal at each of the two others or of these two.
-    for high in (0.9, 0.6):
-        coverage = np.array([[high, 0.2], [0.2, high]], np.float32)
-        crossing = (high - 0.5) / (high - 0.2)  # from a high corner
-        expected = 2.0 * math.sqrt(2.0) * (1.0 - crossing if 0.5 * (high + 0.2) > 0.5 else crossing)
-        assert outline_length(coverage) == pytest.approx(expected, abs=1e-6)
-        assert outline_length(coverage[::-1].copy()) == pytest.approx(expected, abs=1e-6)
-
-
-def test_outline_of_nothing_and_of_everything_is_zero() -> None:
-    assert outline_length(np.zeros((8, 8), np.float32)) == 0.0
-    assert outline_length(np.ones((8, 8), np.float32)) == 0.0
 
 
 @pytest.mark.parametrize("growth", [-0.5, 0.2, 1.5])
@@ -183,7 +156,20 @@ def test_angle_keeps_small_angles_and_calls_a_missing_normal_a_right_angle() -> 
 
 def test_figures_are_json(reference: Reference) -> None:
     figures = measure(reference.normal, reference.depth, reference.coverage, reference).to_dict()
-    assert json.loads(json.dumps(figures))["normal_degrees"]["p95"] == 0.0
+    read = json.loads(json.dumps(figures, allow_nan=False))
+    assert read["normal_degrees"]["p95"] == 0.0
+    assert read["silhouette"]["p95"] == pytest.approx(0.0, abs=1e-12)
+    nothing = flat_picture(np.zeros((SIZE, SIZE), np.float32))
+    figures = measure(nothing.normal, nothing.depth, nothing.coverage, reference).to_dict()
+    read = json.loads(json.dumps(figures, allow_nan=False))
+    assert (read["silhouette"], read["iou"]) == ({"mean": None, "p95": None, "hausdorff": None}, 0.0)
+
+
+def test_silhouette_and_overlap_of_a_larger_disc(reference: Reference) -> None:
+    picture = flat_picture(disc_coverage(RADIUS + 2.0, samples=16))
+    error = measure(picture.normal, picture.depth, picture.coverage, reference)
+    assert error.silhouette.mean == pytest.approx(2.0, abs=0.03)
+    assert error.iou == pytest.approx((RADIUS / (RADIUS + 2.0)) ** 2, abs=0.005)
 
 
 def test_pictures_that_cannot_be_compared_are_refused(reference: Reference) -> None:
