@@ -15,17 +15,23 @@ from benchmarks.options import BenchOptions
 from benchmarks.paper_table import MODEL as PAPER_MODEL
 from benchmarks.paper_table import VIEW as PAPER_VIEW
 from benchmarks.paper_table import measure_paper_table
+from benchmarks.picture_quality import picture_quality
 from benchmarks.progress import Progress
 from benchmarks.reference import Reference
 from benchmarks.resume import check_same, check_same_model
 from benchmarks.run_file import Json, Record, Run, Setting, read_run, write_run
+from benchmarks.scaling import measure_apart, missing_sizes
+from benchmarks.shading import PictureShader
 from benchmarks.subject import Subject
 from benchmarks.sweep import settings_of, swept_views
 from benchmarks.truth_cache import TruthCache
 from benchmarks.views import VIEW_ANGLE_DEGREES, views_of
 from hierarchy.view import View
 
-RECORD, CAST, TABLE = "record", "cast", "table"
+# Kinds of steps.
+RECORD, CAST, TABLE, SIZE = "record", "cast", "table", "size"
+# A surface of the scaling from its making to its measuring, on two cores.
+SECONDS_A_TRIANGLE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +58,21 @@ def measure_all(options: BenchOptions, ctx: moderngl.Context) -> Run:
     Raises RunFileError, UsageError, ModelError or GraphicsError, each with one line.
     """
     run = open_run(options, ctx)
-    plans = [_plan(Subject(path), options, run, first=index == 0) for index, path in enumerate(options.models)]
-    progress = Progress(sum((plan.steps for plan in plans), Counter()))
+    shader = PictureShader(ctx)
+    plans = [_plan(Subject(path), options, run, shader, first=n == 0) for n, path in enumerate(options.models)]
+    sizes = missing_sizes(run.scaling) if options.scaling else []
+    guesses = {f"{SIZE} {size}": size * SECONDS_A_TRIANGLE for size in sizes}
+    progress = Progress(sum((plan.steps for plan in plans), Counter(guesses.keys())), guesses)
     # What cannot be written is better known now than after the first record.
     write_run(options.output, run)
     while plans:
         # What is done with is let go of.
-        _measure_subject(plans.pop(0), options, ctx, run, progress)
+        _measure_subject(plans.pop(0), options, ctx, shader, run, progress)
+    shader.release()
+    for size in sizes:
+        progress.begin(f"{SIZE} {size}", f"surface of {size} triangles")
+        run.scaling.append(measure_apart(size, options.resolution, options.rounds, options.samples))
+        write_run(options.output, run)
     progress.close()
     return run
 
@@ -79,7 +93,7 @@ def open_run(options: BenchOptions, ctx: moderngl.Context) -> Run:
     return run
 
 
-def _plan(subject: Subject, options: BenchOptions, run: Run, *, first: bool) -> Plan:
+def _plan(subject: Subject, options: BenchOptions, run: Run, shader: PictureShader, *, first: bool) -> Plan:
     check_same_model(options.output, run, subject.name, subject.info["content"])
     views = views_of(subject.mesh, options.resolution)
     wanted = settings_of(
@@ -91,17 +105,19 @@ def _plan(subject: Subject, options: BenchOptions, run: Run, *, first: bool) -> 
         everywhere=first or not options.quick,
     )
     done = run.measured()
-    truths = TruthCache(options.output.parent / "references", subject, options.samples)
+    truths = TruthCache(options.output.parent / "references", subject, shader, options.samples)
     paper = subject.name == PAPER_MODEL and not run.paper
     return Plan(subject, views, truths, [setting for setting in wanted if setting not in done], paper)
 
 
-def _measure_subject(plan: Plan, options: BenchOptions, ctx: moderngl.Context, run: Run, progress: Progress) -> None:
+def _measure_subject(
+    plan: Plan, options: BenchOptions, ctx: moderngl.Context, shader: PictureShader, run: Run, progress: Progress
+) -> None:
     """Measure all settings of a plan, and the paper's table where it is of this model."""
     if not plan.settings and not plan.paper:
         return
     subject = plan.subject
-    bench = Workbench(ctx, subject, options.resolution)
+    bench = Workbench(ctx, subject, shader, options.resolution)
     for setting in plan.settings:
         view = plan.views[setting.view]
         if not plan.truths.holds(view):
@@ -123,7 +139,9 @@ def _measure_subject(plan: Plan, options: BenchOptions, ctx: moderngl.Context, r
 
 def error_of(picture: Picture, truth: Reference) -> Json:
     """Return what separates a picture from the truth, for a record."""
-    return measure(picture.normal, picture.depth, picture.coverage, truth).to_dict()
+    assert truth.picture is not None
+    geometry = measure(picture.normal, picture.depth, picture.coverage, truth)
+    return geometry.to_dict() | picture_quality(picture.color, truth.picture).to_dict()
 
 
 def _keep(run: Run, subject: Subject) -> None:

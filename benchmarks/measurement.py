@@ -1,7 +1,10 @@
 """One setting of one view: what it costs and how far its picture is from the truth.
 
 Times are taken in rounds, in each of which the setting and the plain triangles are drawn in turn, so that a machine
-whose speed drifts slows both down alike. The first round, which compiles and uploads, is not counted.
+whose speed drifts slows both down alike. The first round, which compiles and uploads, is not counted. The frame's time
+runs from the selection until the GPU has finished; the stages' times are of frames of their own.
+
+"pixels_blended" counts the fragments that the attribute pass adds up; of triangles, those that were the nearest so far.
 """
 
 from __future__ import annotations
@@ -15,8 +18,10 @@ import moderngl
 
 from app.errors import graphics_errors
 from app.memory import peak_memory_mb
+from benchmarks.instruments import InstrumentedRenderer
 from benchmarks.methods import Method
 from benchmarks.run_file import Json, Setting
+from benchmarks.shading import PictureShader
 from benchmarks.subject import Subject
 from benchmarks.triangles import TriangleBaseline
 from hierarchy.hierarchy import Hierarchy
@@ -24,7 +29,7 @@ from hierarchy.lod import Cut
 from hierarchy.model import Float32Array, Mesh, UInt8Array
 from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View
-from renderer.renderer import Renderer
+from renderer.settings import Settings
 
 Rows = dict[str, list[float]]
 
@@ -42,11 +47,18 @@ class Picture:
 class Workbench:
     """A subject on the GPU: the renderer and the triangles beside each other in one context."""
 
-    def __init__(self, ctx: moderngl.Context, subject: Subject, resolution: tuple[int, int]) -> None:
-        """resolution : width and height of the views in pixels."""
+    def __init__(
+        self, ctx: moderngl.Context, subject: Subject, shader: PictureShader, resolution: tuple[int, int]
+    ) -> None:
+        """Bring nothing but the triangles to the GPU yet.
+
+        shader : lights the triangles' normals as the viewer would
+        resolution : width and height of the views in pixels
+        """
         self.subject = subject
+        self._shader = shader
         self._ctx = ctx
-        self._renderer = Renderer(ctx)
+        self._renderer = InstrumentedRenderer(ctx)
         self._framebuffer = ctx.simple_framebuffer(resolution)
         self._triangles = {False: TriangleBaseline(ctx, subject.mesh)}
         self._hierarchy: Hierarchy | None = None
@@ -78,15 +90,16 @@ class Workbench:
             self._ctx.finish()
             note(rows, "frame_ms", start)
             rows.setdefault("select_ms", []).append(1e3 * (selected - start))
-            for stage, milliseconds in self._renderer.timings.items():
-                rows.setdefault(f"{stage}_ms", []).append(milliseconds)
 
-        cost = self._rounds(draw, view, rounds)
+        with self._renderer.without_stages():
+            cost = self._rounds(draw, view, rounds)
+        cost |= self._stages(cut, view, settings, max(1, rounds // 2))
         cost |= {
             "splats": cut.splat_count,
             "triangles": cut.triangle_count,
             "silhouette": cut.silhouette_count,
             "visited_nodes": cut.visited_nodes,
+            "pixels_blended": self._renderer.count_blended(),
             "gpu_bytes": self._renderer.gpu_bytes,
             "tile_bytes": self.subject.tile_bytes(points=method.points, texels=setting.w_s),
             "peak_memory_mb": peak_memory_mb(),
@@ -104,15 +117,21 @@ class Workbench:
             note(rows, "frame_ms", start)
 
         cost = self._rounds(draw, view, rounds)
+        query = self._ctx.query(samples=True)
+        with query:
+            baseline.draw(view)
         cost |= {
             "splats": 0,
             "triangles": len(self.subject.mesh.faces),
+            "pixels_blended": int(query.samples),
             "gpu_bytes": triangle_bytes(self.subject.mesh, view),
             "tile_bytes": 0,
             "peak_memory_mb": peak_memory_mb(),
         }
         shown = baseline.arrays(view)
-        return cost, Picture(shown.normal, shown.depth, shown.coverage, baseline.color()[..., :3])
+        two_sided = not self.subject.mesh.closed
+        color = self._shader.shade(shown.normal, shown.coverage, view, two_sided=two_sided)
+        return cost, Picture(shown.normal, shown.depth, shown.coverage, color)
 
     def _rounds(self, draw: Callable[[Rows], None], view: View, rounds: int) -> Json:
         """Draw in turn with the plain triangles and return what the times are."""
@@ -127,6 +146,16 @@ class Workbench:
         ratios = [frame / own for frame, own in zip(rows["frame_ms"], rows["triangles_ms"], strict=True)]
         times: Json = {name: figures(values[1:]) for name, values in rows.items()}
         return times | {"frame_over_triangles": statistics.median(ratios[1:])}
+
+    def _stages(self, cut: Cut, view: View, settings: Settings, rounds: int) -> Json:
+        """Return the times of the stages, of frames of their own: on a software renderer timing them takes time."""
+        rows: Rows = {}
+        for _ in range(rounds + 1):
+            self._renderer.draw(cut, view, settings, self._framebuffer)
+            self._ctx.finish()
+            for stage, milliseconds in self._renderer.timings.items():
+                rows.setdefault(f"{stage}_ms", []).append(milliseconds)
+        return {name: figures(values[1:]) for name, values in rows.items()}
 
     def _baseline(self, *, cull: bool) -> TriangleBaseline:
         if cull not in self._triangles:

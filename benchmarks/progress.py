@@ -6,10 +6,11 @@ import shutil
 import sys
 import time
 from collections import Counter
+from collections.abc import Mapping
 from typing import TextIO
 
 BAR_WIDTH = 20
-# Seconds that a step is taken to need before one of its kind has been done.
+# Seconds that a step is taken to need before one of its kind has been done, if nobody knows better.
 FIRST_GUESS = 3.0
 
 
@@ -19,9 +20,16 @@ class Progress:
     It neither hides the cursor nor changes anything else of the terminal: the process may end at any moment.
     """
 
-    def __init__(self, steps: Counter[str], stream: TextIO | None = None) -> None:
-        """Expect some steps of each kind; write to standard error."""
+    def __init__(
+        self, steps: Counter[str], guesses: Mapping[str, float] | None = None, stream: TextIO | None = None
+    ) -> None:
+        """Expect some steps of each kind.
+
+        guesses : seconds of a step by its kind
+        stream : None: standard error
+        """
         self._left = Counter(steps)
+        self._guesses = guesses or {}
         self._total = sum(steps.values())
         self._spent: dict[str, list[float]] = {}
         self._stream = sys.stderr if stream is None else stream
@@ -66,7 +74,7 @@ class Progress:
 
     def _mean(self, kind: str) -> float:
         spent = self._spent.get(kind)
-        return sum(spent) / len(spent) if spent else FIRST_GUESS
+        return sum(spent) / len(spent) if spent else self._guesses.get(kind, FIRST_GUESS)
 
     def _draw(self) -> None:
         filled = BAR_WIDTH * self._done // max(self._total, 1)

@@ -28,6 +28,8 @@ from pathlib import Path
 from typing import Any
 
 FORMAT = 1
+# More than anything here is measured to, few enough to read.
+DIGITS = 6
 
 Json = dict[str, Any]
 
@@ -150,14 +152,16 @@ def flat(document: Json, prefix: str = "") -> Json:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON has it: numpy's numbers as Python's, numbers that are not finite as None."""
+    """Return a value as JSON has it: numpy's numbers as Python's, to DIGITS digits; None where they are not finite."""
     if isinstance(value, dict):
         return {str(name): plain(each) for name, each in value.items()}
     if isinstance(value, list | tuple):
         return [plain(each) for each in value]
     if hasattr(value, "item"):
         value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+    return value
 
 
 def _json_text(run: Run) -> str:

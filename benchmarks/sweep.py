@@ -35,13 +35,13 @@ def settings_of(
     swept : those of them that all settings are measured on
     closed : faces that face away can be left out
     quick : sweep in fewer steps
-    everywhere : measure the viewer's own setting on all views
+    everywhere : measure the viewer's own setting and the plain triangles on all views
     """
     names = list(views)
     points = [*(_quick() if quick else _full()), *_without_radii(closed)]
     chosen = {Setting(model, view, *point): None for view in names if view in swept for point in points}
     if everywhere:
-        chosen |= {Setting(model, view, *point): None for view in names for point in _own(closed)}
+        chosen |= {Setting(model, view, *point): None for view in names for point in _own()}
     order = {name: index for index, name in enumerate(names)}
 
     def group(setting: Setting) -> tuple[bool, int, int]:
@@ -96,6 +96,6 @@ def _without_radii(closed: bool) -> Iterator[Point]:
             yield name, 0.0, 0.0, 0
 
 
-def _own(closed: bool) -> Iterator[Point]:
+def _own() -> Iterator[Point]:
     yield "surfelscope", R_SIL, R_INNER, TEXELS
-    yield from (point for point in _without_radii(closed) if not METHODS[point[0]].points)
+    yield "triangles", 0.0, 0.0, 0

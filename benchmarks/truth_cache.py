@@ -7,23 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.environment import ROOT
 from benchmarks.rays import RayCaster
-from benchmarks.reference import Reference, cast, load_reference, save_reference
+from benchmarks.reference import Reference, load_reference, save_reference
+from benchmarks.shading import PictureShader, cast_with_picture
 from benchmarks.subject import Subject
 from hierarchy.view import View
 
-# The files that decide what a reference holds.
-CASTING = ("picture_quality.py", "rays.py", "reference.py", "shading.py")
+# The code that decides what a reference holds.
+CASTING = ("benchmarks/rays.py", "benchmarks/reference.py", "benchmarks/shading.py", "shaders/**/*.*")
 
 
 class TruthCache:
     """Casts references, or finds them in a folder where the same mesh was cast before with the same code."""
 
-    def __init__(self, folder: Path, subject: Subject, samples: int) -> None:
+    def __init__(self, folder: Path, subject: Subject, shader: PictureShader, samples: int) -> None:
         """samples : rays along one side of a pixel."""
-        self._folder, self._subject, self._samples = folder, subject, samples
+        self._folder, self._subject, self._shader, self._samples = folder, subject, shader, samples
         self._caster: RayCaster | None = None
-        self._code = _digest(*(path.read_bytes() for path in _casting_files()))
+        files = [path for pattern in CASTING for path in sorted(ROOT.glob(pattern)) if path.suffix != ".pyc"]
+        self._code = _digest(*(path.read_bytes() for path in files))
         self._last: tuple[Path, Reference] | None = None
 
     def holds(self, view: View) -> bool:
@@ -39,7 +42,8 @@ class TruthCache:
         if reference is None:
             if self._caster is None:
                 self._caster = RayCaster(self._subject.mesh)
-            reference = cast(self._caster, view, self._samples)
+            two_sided = not self._subject.mesh.closed
+            reference = cast_with_picture(self._caster, view, self._shader, self._samples, two_sided=two_sided)
             self._folder.mkdir(parents=True, exist_ok=True)
             save_reference(path, reference)
         self._last = path, reference
@@ -50,11 +54,6 @@ class TruthCache:
         numbers = [*view.eye_from_model.ravel(), view.view_angle, view.width, view.height, self._samples]
         key = _digest(self._code.encode(), self._subject.digest.encode(), np.array(numbers, np.float64).tobytes())
         return self._folder / f"{self._subject.name}-{key}.npz"
-
-
-def _casting_files() -> list[Path]:
-    folder = Path(__file__).parent
-    return [folder / name for name in CASTING]
 
 
 def _digest(*parts: bytes) -> str:
