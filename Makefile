@@ -1,6 +1,7 @@
 # make run [MODEL=path]   open the window, or draw a PNG where there is no display
 # make test               everything that has to hold: lint and tests
 # make lint               ruff, mypy and import-linter
+# make bench [MODELS=...] measure run time against error, and redraw the tables and plots of docs/benchmarks.md
 #
 # Each does all the set-up by itself: a virtual environment with the package, and on a Debian-like machine, run as
 # root, the system packages that are missing.
@@ -16,7 +17,11 @@ STAMP := $(VENV)/.installed
 LIBRARIES := libEGL.so.1:libegl1 libGL.so.1:libgl1
 PROGRAMS := Xvfb:xvfb xdotool:xdotool
 
-.PHONY: run test lint clean
+# What is measured: the built-in model, and real ones where their folder is there. The first is seen from all views.
+SCANS := $(wildcard ../shared/models/igea.ply ../shared/models/stanford-bunny.obj)
+MODELS ?= $(SCANS) built-in
+
+.PHONY: run test lint bench clean
 .DELETE_ON_ERROR:
 
 run: $(STAMP)
@@ -32,6 +37,11 @@ lint: $(STAMP)
 	$(VENV)/bin/ruff format --check
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
+
+# Takes 15 minutes at most, and can be interrupted: it goes on where it stopped.
+bench: $(STAMP)
+	@$(call install_missing,$(LIBRARIES),)
+	$(VENV)/bin/surfelscope bench $(MODELS) --quick --output build/bench/run.json
 
 # A changed list of packages makes a new environment, so that nothing is left over from the old one.
 $(STAMP): pyproject.toml constraints.txt
