@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import moderngl
 
+from app.errors import UsageError
 from benchmarks.environment import describe_environment
 from benchmarks.error import measure
 from benchmarks.measurement import Picture, Workbench
@@ -20,7 +21,7 @@ from benchmarks.progress import Progress
 from benchmarks.reference import Reference
 from benchmarks.resume import check_same, check_same_model
 from benchmarks.run_file import Json, Record, Run, Setting, read_run, write_run
-from benchmarks.scaling import measure_apart, missing_sizes
+from benchmarks.scaling import ScalingError, measure_apart, missing_sizes
 from benchmarks.shading import PictureShader
 from benchmarks.subject import Subject
 from benchmarks.sweep import settings_of, swept_views
@@ -55,11 +56,13 @@ def measure_all(options: BenchOptions, ctx: moderngl.Context) -> Run:
     """Measure what the command line asks for and the run file does not have; return the whole run.
 
     The file is put anew after every record, so that an end at any moment loses one.
-    Raises RunFileError, UsageError, ModelError or GraphicsError, each with one line.
+    Raises RunFileError, UsageError, OutputError, ModelError or GraphicsError, each with one line.
     """
     run = open_run(options, ctx)
     shader = PictureShader(ctx)
-    plans = [_plan(Subject(path), options, run, shader, first=n == 0) for n, path in enumerate(options.models)]
+    subjects = _subjects(options)
+    plans = [_plan(subject, options, run, shader, first=subject is subjects[0]) for subject in subjects]
+    subjects.clear()
     sizes = missing_sizes(run.scaling) if options.scaling else []
     guesses = {f"{SIZE} {size}": size * SECONDS_A_TRIANGLE for size in sizes}
     progress = Progress(sum((plan.steps for plan in plans), Counter(guesses.keys())), guesses)
@@ -71,7 +74,11 @@ def measure_all(options: BenchOptions, ctx: moderngl.Context) -> Run:
     shader.release()
     for size in sizes:
         progress.begin(f"{SIZE} {size}", f"surface of {size} triangles")
-        run.scaling.append(measure_apart(size, options.resolution, options.rounds, options.samples))
+        try:
+            run.scaling.append(measure_apart(size, options.resolution, options.rounds, options.samples))
+        except ScalingError as error:
+            # A machine with little memory has the smaller ones.
+            progress.warn(str(error))
         write_run(options.output, run)
     progress.close()
     return run
@@ -91,6 +98,15 @@ def open_run(options: BenchOptions, ctx: moderngl.Context) -> Run:
     run = read_run(options.output)
     check_same(options.output, run, environment, settings)
     return run
+
+
+def _subjects(options: BenchOptions) -> list[Subject]:
+    """Load the models before anything is measured, so that a bad one is known at once."""
+    subjects = [Subject(path) for path in dict.fromkeys(options.models)]
+    for name, count in Counter(subject.name for subject in subjects).items():
+        if count > 1:
+            raise UsageError(f"two models are called {name}: measure them in runs of their own")
+    return subjects
 
 
 def _plan(subject: Subject, options: BenchOptions, run: Run, shader: PictureShader, *, first: bool) -> Plan:

@@ -18,7 +18,10 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # Rooms whose code decides what is measured, and the files among them that only show it.
 MEASURED = ("hierarchy", "renderer", "shaders", "benchmarks")
-SHOWN = ("command.py", "compare.py", "options.py", "plots.py", "progress.py", "report.py")
+SHOWN = (
+    "command.py", "compare.py", "findings.py", "options.py", "plots.py", "progress.py", "report.py", "resume.py",
+    "setting_text.py", "sweep.py",
+)  # fmt: skip
 SUFFIXES = (".py", ".glsl", ".vert", ".frag", ".geom")
 
 # What two parts of one run must have in common. The commit may differ where the code that is measured does not.

@@ -57,6 +57,12 @@ class Progress:
             print(f"{self._done}/{self._total}  {self._text}  {seconds:.1f} s", file=self._stream, flush=True)
         self._kind = ""
 
+    def warn(self, text: str) -> None:
+        """Say that a step has failed; the line stays."""
+        if self._bar:
+            print(f"\r{'':<{self._width}}\r", end="", file=self._stream)
+        print(f"surfelscope: warning: {text}", file=self._stream, flush=True)
+
     def close(self) -> None:
         """End the last step and leave the line."""
         self.end()
@@ -72,6 +78,10 @@ class Progress:
     def _done(self) -> int:
         return self._total - sum(self._left.values())
 
+    @property
+    def _width(self) -> int:
+        return shutil.get_terminal_size().columns - 1
+
     def _mean(self, kind: str) -> float:
         spent = self._spent.get(kind)
         return sum(spent) / len(spent) if spent else self._guesses.get(kind, FIRST_GUESS)
@@ -80,9 +90,8 @@ class Progress:
         filled = BAR_WIDTH * self._done // max(self._total, 1)
         bar = "#" * filled + "-" * (BAR_WIDTH - filled)
         line = f"[{bar}] {self._done}/{self._total}  {duration(self.remaining_s)} left  {self._text}"
-        width = shutil.get_terminal_size().columns - 1
         # Erase what a longer line left, without wrapping.
-        print(f"\r{line[:width]:<{width}}", end="", file=self._stream, flush=True)
+        print(f"\r{line[: self._width]:<{self._width}}", end="", file=self._stream, flush=True)
 
 
 def duration(seconds: float) -> str:

@@ -60,7 +60,7 @@ def _full() -> Iterator[Point]:
                 yield "surfelscope", R_SIL, r_inner, texels
     # Without silhouette refinement: one radius, with tiles.
     for radius in (3.0, 4.0, 6.0, 8.0, 16.0):
-        yield "surfelscope", radius, radius, TEXELS
+        yield "surfelscope", radius, radius, _texels_of(radius)
     for r_sil in (3.0, 4.0, 6.0):
         yield "surfelscope", r_sil, 32.0, TEXELS
     for r_inner in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0):
@@ -81,13 +81,17 @@ def _quick() -> Iterator[Point]:
     for r_sil in (4.0, 6.0):
         yield "surfelscope", r_sil, 32.0, TEXELS
     for radius in (4.0, 16.0):
-        yield "surfelscope", radius, radius, TEXELS
+        yield "surfelscope", radius, radius, _texels_of(radius)
     for r_inner in (1.0, 2.0, 4.0, 8.0, 16.0):
         yield "no tiles", min(R_SIL, r_inner), r_inner, 0
     for radius in (1.0, 2.0, 4.0):
         yield "one radius", radius, radius, 0
     yield "point sprites", R_SIL, R_INNER, TEXELS
     yield "printed cone test", R_SIL, R_INNER, TEXELS
+
+
+def _texels_of(radius: float) -> int:
+    return TEXELS if 2.0 * radius >= TEXELS else 4
 
 
 def _without_radii(closed: bool) -> Iterator[Point]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.errors import OutputError
 from benchmarks.environment import ROOT
 from benchmarks.rays import RayCaster
 from benchmarks.reference import Reference, load_reference, save_reference
@@ -34,7 +35,7 @@ class TruthCache:
         return self._path(view).is_file()
 
     def get(self, view: View) -> Reference:
-        """Return the truth of a view; raises OSError where it cannot be kept."""
+        """Return the truth of a view; raises OutputError where it cannot be kept."""
         path = self._path(view)
         if self._last is not None and self._last[0] == path:
             return self._last[1]
@@ -44,8 +45,11 @@ class TruthCache:
                 self._caster = RayCaster(self._subject.mesh)
             two_sided = not self._subject.mesh.closed
             reference = cast_with_picture(self._caster, view, self._shader, self._samples, two_sided=two_sided)
-            self._folder.mkdir(parents=True, exist_ok=True)
-            save_reference(path, reference)
+            try:
+                self._folder.mkdir(parents=True, exist_ok=True)
+                save_reference(path, reference)
+            except OSError as error:
+                raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
         self._last = path, reference
         return reference
 
