@@ -1,0 +1,179 @@
+"""What the growing surface costs at one size, beside its plain triangles and the splats of a fixed size.
+
+The machine's speed drifts from one process to the next, so in every process the splats of one fixed size, `YARDSTICK`,
+are drawn in turn with those of the size that is measured: `frame_over_yardstick` says how the frame grows,
+`frame_over_triangles` what it saves.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+import moderngl
+
+from app.memory import peak_memory_mb
+from benchmarks.error import measure
+from benchmarks.instruments import InstrumentedRenderer
+from benchmarks.measurement import Rows, figures, note
+from benchmarks.reference import cast
+from benchmarks.run_file import Json
+from benchmarks.subject import timed, warm_up
+from benchmarks.surface import make_surface, surface_view
+from benchmarks.triangles import TriangleBaseline
+from hierarchy.build import build_hierarchy
+from hierarchy.hierarchy import Hierarchy
+from hierarchy.lod import select_cut
+from hierarchy.model import Mesh
+from hierarchy.normal_tiles import bake_tiles
+from hierarchy.view import View
+from renderer.context import create_headless_context
+from renderer.frame import Frame
+from renderer.settings import Settings
+
+# r_sil 2 displaces this outline by 0.26 pixels, 1.5 by 0.23; one perfect sample a pixel displaces it by 0.14.
+R_SIL, R_INNER, TEXELS = 1.5, 24.0, 16
+# About as many triangles as Igea has.
+YARDSTICK = 270_000
+# Frames of each kind in a row: the caches are warm for all but the first, as they are in a viewer.
+IN_A_ROW = 3
+# A mesh whose frame takes longer fills more than any cache: it is drawn once a round.
+LARGE_MS = 400.0
+# Milliseconds of triangles that a size may take, and the fewest rounds all the same: a frame of 17 M takes seconds.
+BUDGET_MS = 20_000.0
+FEWEST_ROUNDS = 5
+
+
+class Drawn:
+    """A hierarchy on the GPU with the tiles of the cut that a view draws."""
+
+    def __init__(self, ctx: moderngl.Context, hierarchy: Hierarchy, view: View) -> None:
+        """Raises GpuError where it does not fit."""
+        self._ctx, self._hierarchy, self._view = ctx, hierarchy, view
+        self.cut = select_cut(hierarchy, view, R_SIL, R_INNER)
+        nodes = self.cut.splats[self.cut.splats < hierarchy.node_count]
+        tiles, self.bake_s = timed(lambda: bake_tiles(hierarchy, TEXELS, nodes=nodes))
+        self.tile_bytes = tiles.nbytes
+        self.renderer = InstrumentedRenderer(ctx)
+        self.renderer.set_hierarchy(hierarchy)
+        self.renderer.set_tiles(tiles)
+        self._framebuffer = ctx.simple_framebuffer((view.width, view.height))
+
+    def frame(self) -> Frame:
+        """Draw once and return the arrays."""
+        self.draw({})
+        return self.renderer.read_arrays()
+
+    def draw(self, rows: Rows) -> float:
+        """Select and draw, add the times to the rows and return the whole one in milliseconds."""
+        start = time.perf_counter()
+        cut = select_cut(self._hierarchy, self._view, R_SIL, R_INNER)
+        selected = time.perf_counter()
+        with self.renderer.without_stages():
+            self.renderer.draw(cut, self._view, Settings(), self._framebuffer)
+            self._ctx.finish()
+        note(rows, "frame_ms", start)
+        rows.setdefault("select_ms", []).append(1e3 * (selected - start))
+        return rows["frame_ms"][-1]
+
+    def draw_stages(self, rows: Rows) -> None:
+        """Draw the cut once more and add the times of the stages to the rows."""
+        self.renderer.draw(self.cut, self._view, Settings(), self._framebuffer)
+        for stage, milliseconds in self.renderer.timings.items():
+            rows.setdefault(f"{stage}_ms", []).append(milliseconds)
+
+
+def measure_size(size: int, resolution: tuple[int, int], rounds: int, samples: int) -> Json:
+    """Measure one size in this process and return its entry of a run file, as scaling.py describes it.
+
+    size : number of triangles, about
+    resolution : width and height in pixels
+    rounds : at most so many, of which the medians are taken
+    samples : rays along one side of a pixel of the truth
+    Raises ContextError without OpenGL, GpuError where the model does not fit, UsageError without embreex.
+    """
+    warm_up()
+    make_surface(1_000)
+    mesh, make_s = timed(lambda: make_surface(size))
+    hierarchy, build_s = timed(lambda: build_hierarchy(mesh))
+    entry: Json = {
+        "size": size,
+        "triangles": len(mesh.faces),
+        "vertices": len(mesh.positions),
+        "nodes": hierarchy.node_count,
+        "resolution": list(resolution),
+        "r_sil": R_SIL,
+        "r_inner": R_INNER,
+        "w_s": TEXELS,
+        "make_s": make_s,
+        "build_s": build_s,
+        "hierarchy_bytes": hierarchy.nbytes,
+        "build_peak_mb": peak_memory_mb(),
+    }
+    view = surface_view(mesh, resolution)
+    ctx = create_headless_context()
+    try:
+        drawn = Drawn(ctx, hierarchy, view)
+        frame, reference = drawn.frame(), cast(mesh, view, samples)
+        entry["error"] = measure(frame.normal, frame.depth, frame.coverage, reference).to_dict()
+        del frame, reference
+        entry["rounds"], entry["cost"] = _cost(ctx, drawn, mesh, view, rounds)
+    finally:
+        ctx.release()
+    return entry
+
+
+def _cost(ctx: moderngl.Context, drawn: Drawn, mesh: Mesh, view: View, rounds: int) -> tuple[int, Json]:
+    """Return the number of rounds and what a frame costs."""
+    other = make_surface(YARDSTICK)
+    yardstick = Drawn(ctx, build_hierarchy(other), surface_view(other, (view.width, view.height)))
+    baseline = TriangleBaseline(ctx, mesh)
+
+    def draw_triangles(rows: Rows) -> float:
+        start = time.perf_counter()
+        baseline.draw(view)
+        ctx.finish()
+        note(rows, "frame_ms", start)
+        return rows["frame_ms"][-1]
+
+    count, times = _in_turn(drawn, yardstick, draw_triangles, rounds)
+    cut = drawn.cut
+    return count, times | {
+        "splats": cut.splat_count,
+        "triangles": cut.triangle_count,
+        "silhouette": cut.silhouette_count,
+        "visited_nodes": cut.visited_nodes,
+        "bake_s": drawn.bake_s,
+        "tile_bytes": drawn.tile_bytes,
+        "gpu_bytes": drawn.renderer.gpu_bytes,
+        "triangles_gpu_bytes": 24 * len(mesh.positions) + 12 * len(mesh.faces),
+        "peak_memory_mb": peak_memory_mb(),
+    }
+
+
+def _in_turn(splats: Drawn, yardstick: Drawn, triangles: Callable[[Rows], float], rounds: int) -> tuple[int, Json]:
+    """Draw all three in turn; return how many rounds counted, and the times."""
+    splats.draw({})
+    yardstick.draw({})
+    large = triangles({}) > LARGE_MS
+    of_splats: Rows = {}
+    of_triangles: Rows = {}
+    of_yardstick: Rows = {}
+    over_triangles: list[float] = []
+    over_yardstick: list[float] = []
+    while len(over_triangles) < rounds:
+        mine = statistics.median([splats.draw(of_splats) for _ in range(IN_A_ROW)])
+        fixed = statistics.median([yardstick.draw(of_yardstick) for _ in range(IN_A_ROW)])
+        plain = statistics.median([triangles(of_triangles) for _ in range(1 if large else IN_A_ROW)])
+        splats.draw_stages(of_splats)
+        over_triangles.append(mine / plain)
+        over_yardstick.append(mine / fixed)
+        if len(over_triangles) >= FEWEST_ROUNDS and sum(of_triangles["frame_ms"]) > BUDGET_MS:
+            break
+    times: Json = {name: figures(values) for name, values in of_splats.items()}
+    times["triangles_ms"] = figures(of_triangles["frame_ms"])
+    times["yardstick_ms"] = figures(of_yardstick["frame_ms"])
+    times["frame_over_triangles"] = statistics.median(over_triangles)
+    times["frame_over_yardstick"] = statistics.median(over_yardstick)
+    return len(over_triangles), times
