@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
 
+from app import option_values
 from app.errors import UsageError
+from app.option_values import Vector
+from renderer.settings import SPLATS
 
-TEXELS = (2, 4, 8, 16, 32)
 COMMANDS = ("render", "info")
 # Read by benchmarks/options.py.
 BENCH = "bench"
-OUTPUT_SUFFIXES = (".png", ".npz")
-
-# The largest side of a picture that every OpenGL 3.3 driver in use accepts.
-MAX_RESOLUTION = 16384
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -47,6 +42,11 @@ class Options:
     model : path of the model, None: the built-in one
     r_sil, r_inner : largest radii in pixels of silhouette and other surfels
     texels : texels along one side of a normal tile, the paper's w_s
+    max_error : largest mean error in degrees (normals) and pixels (outline) that the three follow from, None: they are
+        as given
+    fps : frames a second to hold by drawing coarser, None: as many as there are
+    splat : one of SPLATS
+    printed_cone_test : tell the silhouette by the test as printed in the paper
     points : build a point hierarchy from a mesh, too
     resolution : width and height in pixels, None: not given
     outputs : files to write (render)
@@ -58,6 +58,10 @@ class Options:
     r_sil: float = 2.0
     r_inner: float = 16.0
     texels: int = 16
+    max_error: tuple[float, float] | None = None
+    fps: float | None = None
+    splat: str = "quad"
+    printed_cone_test: bool = False
     normal_mapping: bool = True
     points: bool = False
     texture: Path | None = None
@@ -77,11 +81,23 @@ def parse_options(arguments: Sequence[str]) -> Options:
     command = arguments[0] if arguments and arguments[0] in COMMANDS else "window"
     rest = list(arguments) if command == "window" else list(arguments[1:])
     values = vars(_parser(command).parse_args(_join_negative_numbers(rest)))
+    if "max_error" in values:
+        _check_alone(values)
     camera = CameraOptions(**{name: values.pop(f"camera_{name}") for name in _CAMERA if f"camera_{name}" in values})
     options = Options(command=command, camera=camera, **values)
     if command == "render" and not options.outputs and not options.json:
         raise UsageError("render needs --output FILE.png or FILE.npz, or --json")
     return options
+
+
+def _check_alone(values: Collection[str]) -> None:
+    """Refuse an error goal beside what it decides."""
+    decided = {"r_sil": "--r-sil", "r_inner": "--r-inner", "texels": "--w-s"}
+    given = [option for name, option in decided.items() if name in values]
+    if given:
+        raise UsageError(f"--max-error decides about {' and '.join(given)} itself: give the one or the other")
+    if "normal_mapping" in values:
+        raise UsageError("--max-error counts on the normal tiles: it does not go with --no-normal-mapping")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -120,13 +136,17 @@ def _parser(command: str) -> _Parser:
     _add_model_options(parser)
     if command != "info":
         _add_picture_options(parser)
+        _add_goal_options(parser, command)
         _add_camera_options(parser)
+        _add_comparison_options(parser)
     if command == "render":
         parser.add_argument(
-            "--output", metavar="FILE", dest="outputs", action=_AddOutput, type=_output,
+            "--output", metavar="FILE", dest="outputs", action=_AddOutput, type=option_values.output,
             help="FILE.png: the shaded picture, FILE.npz: its arrays; may be given several times",
         )  # fmt: skip
-        parser.add_argument("--frames", metavar="N", type=_whole(1, 1_000_000), help="draw N frames, report medians")
+        parser.add_argument(
+            "--frames", metavar="N", type=option_values.whole(1, 1_000_000), help="draw N frames, report medians"
+        )
     if command != "window":
         parser.add_argument("--json", action="store_true", help="statistics on standard output")
     parser.add_argument("--version", action="version", version=f"surfelscope {_version()}")
@@ -146,26 +166,64 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--points", action="store_true", help="build a point hierarchy from a mesh, too")
     group.add_argument("--texture", metavar="FILE", type=Path, help="colour the surfels by FILE")
     group.add_argument(
-        "--w-s", metavar="N", dest="texels", type=_texels, help="texels along one side of a normal tile (16)"
+        "--w-s",
+        metavar="N",
+        dest="texels",
+        type=option_values.texels,
+        help="texels along one side of a normal tile (16)",
     )
 
 
 def _add_picture_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("picture")
-    group.add_argument("--r-sil", metavar="PX", type=_radius, help="largest radius of a silhouette surfel (2)")
-    group.add_argument("--r-inner", metavar="PX", type=_radius, help="largest radius of any other surfel (16)")
+    group.add_argument(
+        "--r-sil", metavar="PX", type=option_values.radius, help="largest radius of a silhouette surfel (2)"
+    )
+    group.add_argument(
+        "--r-inner", metavar="PX", type=option_values.radius, help="largest radius of any other surfel (16)"
+    )
     group.add_argument(
         "--no-normal-mapping", dest="normal_mapping", action="store_false", help="draw without the normal tiles"
     )
-    group.add_argument("--resolution", metavar="W,H", type=_resolution, help="size of the picture in pixels")
+    group.add_argument(
+        "--resolution", metavar="W,H", type=option_values.resolution, help="size of the picture in pixels"
+    )
+
+
+def _add_goal_options(parser: argparse.ArgumentParser, command: str) -> None:
+    group = parser.add_argument_group("goals", "What the radii shall follow from.")
+    group.add_argument(
+        "--max-error", metavar="DEG[,PX]", type=option_values.max_error,
+        help="r_sil, r_inner and w_s for at most so large a mean error of the normals, in degrees, and of the outline, "
+        f"in pixels ({option_values.DEFAULT_MAX_PIXELS})",
+    )  # fmt: skip
+    moving = "as far as that takes" if command == "render" else "while the camera moves"
+    group.add_argument(
+        "--fps", metavar="N", type=option_values.fps, help=f"draw coarser, {moving}, to hold N frames a second"
+    )
+
+
+def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("for comparison", "What the papers do.")
+    group.add_argument(
+        "--splat", choices=SPLATS, help="draw splats as quads in their planes, or as point sprites (quad)"
+    )
+    group.add_argument(
+        "--cone-test", dest="printed_cone_test", action=_IsPrinted, choices=("own", "printed"),
+        help="tell the silhouette by each node's own cone, or by the test as printed (own)",
+    )  # fmt: skip
 
 
 def _add_camera_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("camera", "What is not given is chosen to fit the model.")
-    group.add_argument("--camera-position", metavar="X,Y,Z", type=_vector, help="where the eye is")
-    group.add_argument("--camera-focal-point", metavar="X,Y,Z", type=_vector, help="what it looks at")
-    group.add_argument("--camera-view-up", metavar="X,Y,Z", type=_direction, help="the direction that is up")
-    group.add_argument("--camera-view-angle", metavar="DEG", type=_view_angle, help="vertical field of view (45)")
+    group.add_argument("--camera-position", metavar="X,Y,Z", type=option_values.vector, help="where the eye is")
+    group.add_argument("--camera-focal-point", metavar="X,Y,Z", type=option_values.vector, help="what it looks at")
+    group.add_argument(
+        "--camera-view-up", metavar="X,Y,Z", type=option_values.direction, help="the direction that is up"
+    )
+    group.add_argument(
+        "--camera-view-angle", metavar="DEG", type=option_values.view_angle, help="vertical field of view (45)"
+    )
 
 
 class _AddOutput(argparse.Action):
@@ -175,6 +233,15 @@ class _AddOutput(argparse.Action):
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, option: str | None = None
     ) -> None:
         setattr(namespace, self.dest, (*getattr(namespace, self.dest, ()), values))
+
+
+class _IsPrinted(argparse.Action):
+    """Stores whether the cone test of the paper was chosen."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, option: str | None = None
+    ) -> None:
+        setattr(namespace, self.dest, values == "printed")
 
 
 def _join_negative_numbers(arguments: list[str]) -> list[str]:
@@ -187,70 +254,3 @@ def _join_negative_numbers(arguments: list[str]) -> list[str]:
         else:
             joined.append(argument)
     return joined
-
-
-def _numbers(text: str, count: int, kind: Callable[[str], float], what: str) -> tuple[float, ...]:
-    try:
-        values = tuple(kind(part) for part in text.split(","))
-    except ValueError:
-        values = ()
-    if len(values) != count or not all(math.isfinite(value) for value in values):
-        raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
-    return values
-
-
-def _radius(text: str) -> float:
-    (value,) = _numbers(text, 1, float, "a number of pixels")
-    if value < 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is less than 0 pixels")
-    return value
-
-
-def _texels(text: str) -> int:
-    (value,) = _numbers(text, 1, int, "a whole number")
-    if value not in TEXELS:
-        raise argparse.ArgumentTypeError(f"{text!r} is none of {', '.join(map(str, TEXELS))}")
-    return int(value)
-
-
-def _whole(least: int, most: int) -> Callable[[str], int]:
-    def parse(text: str) -> int:
-        (value,) = _numbers(text, 1, int, "a whole number")
-        if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text!r} does not lie between {least} and {most}")
-        return int(value)
-
-    return parse
-
-
-def _vector(text: str) -> Vector:
-    x, y, z = _numbers(text, 3, float, "three numbers X,Y,Z")
-    return x, y, z
-
-
-def _direction(text: str) -> Vector:
-    direction = _vector(text)
-    if not any(direction):
-        raise argparse.ArgumentTypeError("0,0,0 is no direction")
-    return direction
-
-
-def _view_angle(text: str) -> float:
-    (value,) = _numbers(text, 1, float, "an angle in degrees")
-    if not 0.0 < value < 180.0:
-        raise argparse.ArgumentTypeError(f"{text!r} does not lie between 0 and 180 degrees")
-    return value
-
-
-def _resolution(text: str) -> tuple[int, int]:
-    width, height = _numbers(text, 2, int, "a width and a height W,H")
-    if not (1 <= width <= MAX_RESOLUTION and 1 <= height <= MAX_RESOLUTION):
-        raise argparse.ArgumentTypeError(f"{text!r} does not lie between 1,1 and {MAX_RESOLUTION},{MAX_RESOLUTION}")
-    return int(width), int(height)
-
-
-def _output(text: str) -> Path:
-    path = Path(text)
-    if path.suffix.lower() not in OUTPUT_SUFFIXES:
-        raise argparse.ArgumentTypeError(f"{text!r} ends neither in .png nor in .npz")
-    return path

@@ -10,11 +10,11 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from app.commands import Command
 from app.graph import draw_graph
 from app.memory import peak_memory_mb
-from app.options import TEXELS
+from app.option_values import TEXELS
 from app.scene import Scene
 from app.state import ViewerState
-from app.theme import ACCENT_BRIGHT, DIM, PANEL, as_vec4
-from renderer.settings import MATERIALS, Settings
+from app.theme import ACCENT, ACCENT_BRIGHT, DIM, PANEL, as_vec4
+from renderer.settings import MATERIALS, SPLATS, Settings
 
 # In units of the interface's scale.
 WIDTH = 316.0
@@ -22,7 +22,14 @@ LABEL_WIDTH = 100.0
 VALUE_WIDTH = 64.0
 SECOND_COLUMN = 200.0
 
+GOAL_COLUMN = 138.0
+
 MAX_R_SIL, MAX_R_INNER = 32.0, 64.0
+R_SIL_HINT, R_INNER_HINT = "Largest radius of a surfel on the silhouette", "Largest radius of any other surfel"
+# Ends of what the goals can be: degrees, pixels, frames a second.
+DEGREES, PIXELS, RATES = (0.1, 5.0), (0.1, 3.0), (5.0, 120.0)
+
+SPLAT_NAMES = {"quad": "Quads", "sprite": "Point sprites"}
 
 _BUTTONS = (
     ("Open", Command.OPEN, "Open a model (Ctrl+O)"),
@@ -59,6 +66,7 @@ def draw_panel(
     state.settings = _overlays(state.settings)
     _heading("Statistics", bold, scale)
     _statistics(state, scene, gpu_bytes, scale)
+    _comparison(state, scale)
     imgui.end()
     imgui.pop_style_color()
     imgui.pop_style_var()
@@ -88,19 +96,70 @@ def _header(scene: Scene | None, bold: imgui.ImFont, scale: float) -> list[Comma
 
 
 def _detail(state: ViewerState, scene: Scene | None, scale: float) -> None:
-    state.r_sil = _slider("r_sil", state.r_sil, MAX_R_SIL, "Largest radius of a surfel on the silhouette", scale)
-    state.r_inner = _slider("r_inner", state.r_inner, MAX_R_INNER, "Largest radius of any other surfel", scale)
+    steered = state.steered if state.limit_error else None
+    imgui.begin_disabled(steered is not None)
+    r_sil = _slider("r_sil", steered.r_sil if steered else state.r_sil, MAX_R_SIL, R_SIL_HINT, scale)
+    r_inner = _slider("r_inner", steered.r_inner if steered else state.r_inner, MAX_R_INNER, R_INNER_HINT, scale)
+    texels = _texels(steered.texels if steered else state.texels, scale)
+    imgui.end_disabled()
+    if steered is None:
+        state.r_sil, state.r_inner, state.texels = r_sil, r_inner, texels
+    if scene is not None and scene.tiles is not None and scene.tiles.texels != texels:
+        _dim(f"still drawn with {scene.tiles.texels} × {scene.tiles.texels}")
+    _goals(state, scale)
+
+
+def _texels(texels: int, scale: float) -> int:
+    """Return the texels along one side of a tile, one of TEXELS."""
     _label("w_s", "Texels along one side of a normal tile; a change bakes all tiles anew in the background", scale)
     imgui.set_next_item_width(-VALUE_WIDTH * scale)
-    chosen = TEXELS.index(state.texels) if state.texels in TEXELS else 0
+    chosen = TEXELS.index(texels) if texels in TEXELS else 0
     # A slider of whole numbers would have a handle as wide as a step.
     flags = imgui.SliderFlags_.no_input
     changed, place = imgui.slider_float("##w_s", float(chosen), 0.0, len(TEXELS) - 1.0, "", flags)
     if changed:
-        state.texels = TEXELS[round(place)]
-    _value(f"{state.texels} × {state.texels}" if state.texels else "none")
-    if scene is not None and scene.tiles is not None and scene.tiles.texels != state.texels:
-        _dim(f"still drawn with {scene.tiles.texels} × {scene.tiles.texels}")
+        texels = TEXELS[round(place)]
+    _value(f"{texels} × {texels}" if texels else "none")
+    return texels
+
+
+def _goals(state: ViewerState, scale: float) -> None:
+    _, state.limit_error = imgui.checkbox("Error at most", state.limit_error)
+    _hint("Radii and w_s follow from the largest mean error that you allow: of the normals, and of the outline")
+    spacing = imgui.get_style().item_inner_spacing.x
+    imgui.same_line(GOAL_COLUMN * scale)
+    width = 0.5 * (imgui.get_content_region_avail().x - spacing)
+    imgui.begin_disabled(not state.limit_error)
+    state.max_degrees = _goal("degrees", state.max_degrees, DEGREES, "%.1f°", width)
+    imgui.same_line(0.0, spacing)
+    state.max_pixels = _goal("pixels", state.max_pixels, PIXELS, "%.1f px", width)
+    imgui.end_disabled()
+    steered = state.steered
+    if state.limit_error and steered is not None:
+        promise = steered.promise
+        _row("promised at most", f"{promise[0]:.2f}°, {promise[1]:.2f} px" if promise else "nothing without tiles")
+    _, state.hold_rate = imgui.checkbox("Hold", state.hold_rate)
+    _hint("Draws coarser while the camera moves, so that a frame takes no longer; in full detail when it rests")
+    imgui.same_line(GOAL_COLUMN * scale)
+    imgui.begin_disabled(not state.hold_rate)
+    width = imgui.get_content_region_avail().x
+    state.frames_per_second = _goal("rate", state.frames_per_second, RATES, "%.0f frames/s", width)
+    imgui.end_disabled()
+    if state.hold_rate and steered is not None:
+        coarser = steered.coarseness > 1.0
+        _row("while moving", f"coarsened × {steered.coarseness:.1f}" if coarser else "full detail")
+
+
+def _goal(name: str, value: float, ends: tuple[float, float], form: str, width: float) -> float:
+    """Return what is allowed, as a slider of a width with its value in it."""
+    imgui.set_next_item_width(width)
+    # The value has to be read through the handle.
+    imgui.push_style_color(imgui.Col_.slider_grab, ImVec4(*ACCENT[:3], 0.4))
+    flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
+    changed, chosen = imgui.slider_float(f"##{name}", value, *ends, form, flags)
+    imgui.pop_style_color()
+    # What the command line asked for stays, beyond the ends or between the steps as it may be.
+    return chosen if changed else value
 
 
 def _shading(settings: Settings, scene: Scene | None, scale: float) -> Settings:
@@ -111,16 +170,16 @@ def _shading(settings: Settings, scene: Scene | None, scale: float) -> Settings:
     if scene is not None and scene.content.colored:
         settings = _toggle(settings, "The model's colours", "use_colors")
     _label("Material", "Clay is lit by two lights, the others are spheres painted in advance", scale)
+    # Leave room for two boxes of colour.
+    imgui.set_next_item_width(-2.0 * (imgui.get_frame_height() + imgui.get_style().item_spacing.x))
     changed, index = imgui.combo("##material", MATERIALS.index(settings.material), [m.capitalize() for m in MATERIALS])
     if changed:
         settings = replace(settings, material=MATERIALS[index])
-    for label, top, field in (("Background", True, "background_top"), ("", False, "background_bottom")):
-        if top:
-            _label(label, "Colours at the top and at the bottom of the picture", scale)
-        else:
-            imgui.same_line()
-        flags = imgui.ColorEditFlags_.no_inputs | imgui.ColorEditFlags_.no_label
+    for field, place in (("background_top", "top"), ("background_bottom", "bottom")):
+        imgui.same_line()
+        flags = imgui.ColorEditFlags_.no_inputs | imgui.ColorEditFlags_.no_label | imgui.ColorEditFlags_.no_tooltip
         changed, color = imgui.color_edit3(f"##{field}", list(getattr(settings, field)), flags)
+        _hint(f"The background at the {place} of the picture")
         if changed:
             settings = _replace(settings, field, tuple(color))
     return settings
@@ -132,21 +191,34 @@ def _overlays(settings: Settings) -> Settings:
     return _toggle(settings, "Level-of-detail colours", "lod_colors", "L")
 
 
+def _comparison(state: ViewerState, scale: float) -> None:
+    """What the papers do, out of sight until it is wanted."""
+    if not imgui.tree_node_ex("For comparison", imgui.TreeNodeFlags_.span_avail_width):
+        return
+    _label("Splats", "Quads in the splats' planes, or the papers' point sprites", scale)
+    splat = state.settings.splat
+    changed, index = imgui.combo("##splat", SPLATS.index(splat), [SPLAT_NAMES[name] for name in SPLATS])
+    if changed:
+        state.settings = replace(state.settings, splat=SPLATS[index])
+    _, state.printed_cone_test = imgui.checkbox("Printed cone test", state.printed_cone_test)
+    _hint("Tell the silhouette by the test as the paper prints it, which takes more surfels for it than are")
+    imgui.tree_pop()
+
+
 def _statistics(state: ViewerState, scene: Scene | None, gpu_bytes: int, scale: float) -> None:
+    imgui.same_line(SECOND_COLUMN * scale)
+    _, state.continuous = imgui.checkbox("Continuous", state.continuous)
+    _hint("Draws again and again, to measure; otherwise only what changes is drawn")
     draw_graph(state.history, scale)
     if state.history:
         last = state.history[-1]
-        _row("Splats", f"{last.splats:,}")
-        _row("Leaf triangles", f"{last.triangles:,}")
-        _row("On the silhouette", f"{last.silhouette:,}")
-        _row("Nodes visited", f"{last.visited:,}")
+        _row("Splats, leaf triangles", f"{last.splats:,}, {last.triangles:,}")
+        _row("On the silhouette, nodes visited", f"{last.silhouette:,}, {last.visited:,}")
     if scene is not None:
         tiles = scene.tiles.nbytes if scene.tiles is not None else 0
         _row("Hierarchy, tiles", f"{scene.hierarchy.nbytes / 1e6:,.1f} MB, {tiles / 1e6:,.1f} MB")
     peak = peak_memory_mb()
     _row("GPU, process", f"{gpu_bytes / 1e6:,.1f} MB" + (f", {peak:,.0f} MB" if peak is not None else ""))
-    _, state.continuous = imgui.checkbox("Draw continuously", state.continuous)
-    _hint("Draws again and again, to measure; otherwise only what changes is drawn")
 
 
 def _heading(text: str, bold: imgui.ImFont, scale: float) -> None:

@@ -8,19 +8,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from app.budget import Controller, coarsened
 from app.errors import UsageError, graphics_errors
 from app.export import check_writable, is_picture, read_picture, write_arrays, write_png
 from app.framing import frame_scene, view_of_pose
+from app.option_values import TEXELS
 from app.options import Options
 from app.progress import Reporter
 from app.scene import ModelSource, Scene, bake_scene, open_scene
-from app.statistics import Statistic, draw_frames, frame_statistics, scene_statistics
+from app.statistics import Radii, Shot, Statistic, draw_frames, frame_statistics, scene_statistics
 
 if TYPE_CHECKING:
-    from hierarchy.view import View
-    from renderer.settings import Settings
+    import moderngl
+
+    from hierarchy.lod import Cut
+    from renderer.renderer import Renderer
 
 DEFAULT_RESOLUTION = (1024, 1024)
+
+# Enough to find a coarseness in spite of noise; a load that changes all the time has none.
+MOST_SETTLING_FRAMES = 120
 
 
 def run_render(options: Options) -> None:
@@ -43,28 +50,22 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
     """Draw a scene in a context of its own, write the outputs and return the statistics."""
     from renderer.context import create_headless_context
     from renderer.renderer import Renderer
-    from renderer.settings import Settings
 
-    resolution = options.resolution or DEFAULT_RESOLUTION
-    try:
-        view = view_of_pose(frame_scene(scene, options.camera, resolution), scene, resolution)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-    # The inside of an open surface shows; a closed one's does not.
-    settings = Settings(normal_mapping=options.normal_mapping, two_sided=not scene.hierarchy.closed)
+    shot, radii, texels = _prepare(scene, options)
     if options.normal_mapping:
-        scene = _bake_what_is_seen(scene, view, settings, options, reporter)
+        shot = _bake(shot, radii, texels, options, reporter)
     reporter.progress("Drawing", 0.0)
     ctx = create_headless_context()
     try:
         with graphics_errors():
             renderer = Renderer(ctx)
-            renderer.set_hierarchy(scene.hierarchy)
-            renderer.set_tiles(scene.tiles)
-            framebuffer = ctx.simple_framebuffer(resolution)
-            radii = (options.r_sil, options.r_inner)
-            cut, times = draw_frames(renderer, framebuffer, scene, view, radii, settings, options.frames)
-            statistics = scene_statistics(scene) | frame_statistics(cut, times, renderer, ctx)
+            renderer.set_hierarchy(shot.scene.hierarchy)
+            renderer.set_tiles(shot.scene.tiles)
+            framebuffer = ctx.simple_framebuffer((shot.view.width, shot.view.height))
+            coarseness = 1.0 if options.fps is None else _settle(renderer, framebuffer, shot, radii, options.fps)
+            radii = coarsened(radii[0], coarseness), coarsened(radii[1], coarseness)
+            cut, times = draw_frames(renderer, framebuffer, shot, radii, options.frames)
+            statistics = scene_statistics(shot.scene) | frame_statistics(cut, times, renderer, ctx)
             picture = read_picture(framebuffer)
             # The arrays take another two passes.
             wants_arrays = any(not is_picture(path) for path in options.outputs)
@@ -78,21 +79,77 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
         else:
             write_arrays(path, frame)
         reporter.say(f"wrote {path}")
-    return statistics
+    return statistics | _goal_statistics(shot, cut, radii, coarseness) if options.json else statistics
 
 
-def _bake_what_is_seen(scene: Scene, view: View, settings: Settings, options: Options, reporter: Reporter) -> Scene:
+def _prepare(scene: Scene, options: Options) -> tuple[Shot, Radii, int]:
+    """Return what shall be drawn, the radii in full detail and the texels along one side of a tile."""
+    from renderer.settings import Settings
+
+    resolution = options.resolution or DEFAULT_RESOLUTION
+    try:
+        view = view_of_pose(frame_scene(scene, options.camera, resolution), scene, resolution)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    # The inside of an open surface shows; a closed one's does not.
+    settings = Settings(
+        normal_mapping=options.normal_mapping, splat=options.splat, two_sided=not scene.hierarchy.closed
+    )
+    shot = Shot(scene, view, settings, options.printed_cone_test)
+    if options.max_error is None:
+        return shot, (options.r_sil, options.r_inner), options.texels
+    from hierarchy.goals import ErrorGoal, detail_for_goal
+
+    detail, _ = detail_for_goal(scene.hierarchy, view, ErrorGoal(*options.max_error), texels=TEXELS)
+    return shot, (detail.r_sil, detail.r_inner), detail.texels
+
+
+def _bake(shot: Shot, radii: Radii, texels: int, options: Options, reporter: Reporter) -> Shot:
     """Bake the tiles of the splats that the view draws: some thousands, where the model may have a million."""
-    from hierarchy.lod import select_cut
+    nodes = None
+    # Which ones a rate needs is not known before it has been held.
+    if options.fps is None:
+        splats = shot.cut(radii).splats
+        nodes = splats[splats < shot.scene.hierarchy.node_count]
+    return replace(shot, scene=bake_scene(shot.scene, texels, reporter.progress, nodes=nodes))
 
-    cut = select_cut(scene.hierarchy, view, options.r_sil, options.r_inner, two_sided=settings.two_sided)
-    nodes = cut.splats[cut.splats < scene.hierarchy.node_count]
-    return bake_scene(scene, options.texels, reporter.progress, nodes=nodes)
+
+def _settle(
+    renderer: Renderer, framebuffer: moderngl.Framebuffer, shot: Shot, radii: Radii, frames_per_second: float
+) -> float:
+    """Draw until the frames take what they may, or no coarseness will do it; return the coarseness."""
+    controller = Controller(1e3 / frames_per_second)
+    # The first frame compiles the shaders.
+    draw_frames(renderer, framebuffer, shot, radii, 1)
+    for _ in range(MOST_SETTLING_FRAMES):
+        if controller.settled:
+            break
+        now = coarsened(radii[0], controller.coarseness), coarsened(radii[1], controller.coarseness)
+        _, times = draw_frames(renderer, framebuffer, shot, now, 1)
+        controller.measure(times[0].frame)
+    return controller.coarseness
+
+
+def _goal_statistics(shot: Shot, cut: Cut, radii: Radii, coarseness: float) -> dict[str, Statistic]:
+    """Return what the frames were drawn with and which error is promised of that; None without normal mapping."""
+    tiles, promise = shot.scene.tiles, None
+    if tiles is not None:
+        from hierarchy.goals import promise_of_cut
+
+        promise = promise_of_cut(shot.scene.hierarchy, shot.view, cut, tiles.texels)
+    return {
+        "r_sil": round(radii[0], 4),
+        "r_inner": round(radii[1], 4),
+        "w_s": tiles.texels if tiles is not None else 0,
+        "coarseness": round(coarseness, 4),
+        "promised_degrees": round(promise.degrees, 4) if promise is not None else None,
+        "promised_pixels": round(promise.pixels, 4) if promise is not None else None,
+    }
 
 
 def render_instead_of_window(options: Options, reason: str, output: Path) -> None:
-    """Draw what the window would have shown to a file, and say so on standard output."""
-    options = replace(options, outputs=(output,))
+    """Draw what the window would have shown at rest to a file, and say so on standard output."""
+    options = replace(options, outputs=(output,), fps=None)
     check_writable(output)
     reporter = Reporter(options.verbose)
     scene = open_scene(ModelSource(options.model, options.texture, options.points), None, reporter.progress)

@@ -40,12 +40,33 @@ class Message:
     until: float
 
 
+@dataclass(frozen=True)
+class Steered:
+    """What the goals have made of the sliders' values.
+
+    r_sil, r_inner : pixels, of a picture at rest
+    texels : along one side of a tile; the tiles in use may still be others
+    promise : upper bounds of the error at rest in degrees and pixels, None: not known
+    coarseness : by how much the radii are multiplied while the camera moves, at least 1
+    """
+
+    r_sil: float
+    r_inner: float
+    texels: int
+    promise: tuple[float, float] | None = None
+    coarseness: float = 1.0
+
+
 @dataclass
 class ViewerState:
     """Everything that the panel edits or shows, apart from the scene itself.
 
-    r_sil, r_inner : pixels
+    r_sil, r_inner : pixels, as chosen
     texels : along one side of a tile, as chosen; the tiles in use may still be others
+    limit_error : let radii and tiles follow from max_degrees and max_pixels
+    hold_rate : coarsen while the camera moves, so that frames_per_second are drawn
+    printed_cone_test : tell the silhouette by the test as the paper prints it
+    steered : what is drawn with, None: nothing has been drawn yet
     continuous : draw again and again, to measure
     ui_scale : size of the panel's letters over their usual size
     """
@@ -54,6 +75,13 @@ class ViewerState:
     r_inner: float = 16.0
     texels: int = 16
     settings: Settings = field(default_factory=Settings)
+    limit_error: bool = False
+    max_degrees: float = 1.0
+    max_pixels: float = 0.5
+    hold_rate: bool = False
+    frames_per_second: float = 30.0
+    printed_cone_test: bool = False
+    steered: Steered | None = None
     show_panel: bool = True
     show_help: bool = False
     continuous: bool = False

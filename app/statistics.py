@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 Statistic = str | int | float | bool | None
 
+# r_sil and r_inner in pixels.
+Radii = tuple[float, float]
+
 
 @dataclass(frozen=True)
 class FrameTimes:
@@ -39,27 +42,41 @@ class FrameTimes:
         return self.select + self.draw
 
 
-def draw_frames(
-    renderer: Renderer,
-    framebuffer: moderngl.Framebuffer,
-    scene: Scene,
-    view: View,
-    radii: tuple[float, float],
-    settings: Settings,
-    count: int,
-) -> tuple[Cut, list[FrameTimes]]:
-    """Draw the same frame `count` times, each from the selection on; return the last cut and the times.
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """All that a picture depends on but the radii of its splats.
 
-    radii : r_sil and r_inner in pixels
+    printed_cone_test : tell the silhouette by the test as printed in the paper
     """
-    from hierarchy.lod import select_cut
 
+    scene: Scene
+    view: View
+    settings: Settings
+    printed_cone_test: bool = False
+
+    def cut(self, radii: Radii) -> Cut:
+        """Choose the level of detail."""
+        from hierarchy.lod import select_cut
+
+        return select_cut(
+            self.scene.hierarchy,
+            self.view,
+            *radii,
+            two_sided=self.settings.two_sided,
+            printed_cone_test=self.printed_cone_test,
+        )
+
+
+def draw_frames(
+    renderer: Renderer, framebuffer: moderngl.Framebuffer, shot: Shot, radii: Radii, count: int
+) -> tuple[Cut, list[FrameTimes]]:
+    """Draw the same frame `count` times, each from the selection on; return the last cut and the times."""
     times = []
     for _ in range(count):
         start = time.perf_counter()
-        cut = select_cut(scene.hierarchy, view, *radii, two_sided=settings.two_sided)
+        cut = shot.cut(radii)
         selected = time.perf_counter()
-        renderer.draw(cut, view, settings, framebuffer)
+        renderer.draw(cut, shot.view, shot.settings, framebuffer)
         framebuffer.ctx.finish()
         drawn = time.perf_counter()
         times.append(FrameTimes(1e3 * (selected - start), 1e3 * (drawn - selected), renderer.timings))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,8 @@ from app.framing import frame_scene, view_of_pose
 from app.options import CameraOptions, Options
 from app.orbit_camera import OrbitCamera, orbit_from_pose
 from app.scene import ModelSource, Scene, bake_scene, open_scene
-from app.state import ViewerState
+from app.state import FrameReport, ViewerState
+from app.steering import Steering
 from hierarchy.model import Cancelled, ModelError, Progress
 from hierarchy.view import View, look_at
 from renderer.settings import Settings
@@ -35,13 +37,14 @@ class Viewer:
     """Opens models in the background and keeps the one that is shown.
 
     scene, camera : None until the first model has been built
+    steering : has the radii of the next frame
     wake : called from the background, to have `poll` called soon
     upload : called with every new scene before it becomes the one that is shown; may raise GraphicsError
     """
 
     def __init__(self, options: Options, wake: Callable[[], None], upload: Callable[[Scene], None]) -> None:
-        settings = Settings(normal_mapping=options.normal_mapping)
-        self.state = ViewerState(options.r_sil, options.r_inner, options.texels, settings)
+        self.state = _state_of_options(options)
+        self.steering = Steering()
         self.scene: Scene | None = None
         self.camera: OrbitCamera | None = None
         self.task: BackgroundTask[Scene] | None = None
@@ -69,7 +72,15 @@ class Viewer:
         if task is not None and task.finished:
             self.task = None
             self._take(task, resolution)
-        self._bake_if_needed()
+        if self.scene is not None and self.camera is not None:
+            now = time.monotonic()
+            self.steering.update(self.state, self.scene, self.camera, resolution, lambda: self.view(resolution), now)
+            self._bake_if_needed(self.scene, self.steering.texels)
+
+    def drawn(self, report: FrameReport) -> None:
+        """Take in what the last frame took."""
+        self.state.history.append(report)
+        self.steering.drawn(self.state, report.total, time.monotonic())
 
     def cancel(self) -> bool:
         """Stop the work in the background; False: there is none."""
@@ -138,6 +149,7 @@ class Viewer:
         else:
             if self._opens:
                 self.state.history.clear()
+                self.steering = Steering()
                 self._frame(scene, resolution)
                 # The inside of an open surface shows; a closed one's does not.
                 self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
@@ -148,11 +160,13 @@ class Viewer:
     def _forget_wish(self) -> None:
         """Do not start again what has just been cancelled or has failed: keep the tiles that there are."""
         if not self._opens and self.scene is not None:
-            self.state.texels = self.scene.tiles.texels if self.scene.tiles else 0
+            texels = self.scene.tiles.texels if self.scene.tiles else 0
+            if not self.state.limit_error:
+                self.state.texels = texels
+            self.steering.keep(texels)
 
-    def _bake_if_needed(self) -> None:
-        scene, wanted = self.scene, self.state.texels
-        if scene is None or wanted == 0 or (self.task is not None and self._opens):
+    def _bake_if_needed(self, scene: Scene, wanted: int) -> None:
+        if wanted == 0 or (self.task is not None and self._opens):
             return
         baking = self._baking if self.task is not None else scene.tiles.texels if scene.tiles else 0
         if baking != wanted:
@@ -170,6 +184,19 @@ class Viewer:
             self.camera = orbit_from_pose(pose.position, pose.focal_point, pose.view_up, pose.view_angle)
         x, y, z = (float(value) for value in self.camera.axes[1])
         self.state.settings = replace(self.state.settings, ground_up=(x, y, z))
+
+
+def _state_of_options(options: Options) -> ViewerState:
+    """Return the state that a command line asks for."""
+    settings = Settings(normal_mapping=options.normal_mapping, splat=options.splat)
+    state = ViewerState(options.r_sil, options.r_inner, options.texels, settings)
+    state.printed_cone_test = options.printed_cone_test
+    if options.max_error is not None:
+        state.limit_error = True
+        state.max_degrees, state.max_pixels = options.max_error
+    if options.fps is not None:
+        state.hold_rate, state.frames_per_second = True, options.fps
+    return state
 
 
 def _open_ready_to_select(source: ModelSource, progress: Progress) -> Scene:

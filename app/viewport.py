@@ -11,7 +11,7 @@ import numpy.typing as npt
 from app.errors import GraphicsError, graphics_errors
 from app.export import read_picture
 from app.scene import Scene
-from app.state import STAGES, FrameReport, ViewerState
+from app.state import STAGES, FrameReport
 from app.viewer import Viewer
 from hierarchy.lod import select_cut
 from renderer.renderer import Renderer
@@ -58,10 +58,17 @@ class Viewport:
     def draw(self, viewer: Viewer) -> FrameReport:
         """Draw the scene of the viewer, which has to have one, and tell what it took."""
         assert viewer.scene is not None
-        state, target = viewer.state, self._framebuffer()
+        state, steering, target = viewer.state, viewer.steering, self._framebuffer()
         start = time.perf_counter()
         view = viewer.view(self.size)
-        cut = select_cut(viewer.scene.hierarchy, view, state.r_sil, state.r_inner, two_sided=state.settings.two_sided)
+        cut = select_cut(
+            viewer.scene.hierarchy,
+            view,
+            steering.r_sil,
+            steering.r_inner,
+            two_sided=state.settings.two_sided,
+            printed_cone_test=state.printed_cone_test,
+        )
         selected = time.perf_counter()
         self._renderer.draw(cut, view, state.settings, target)
         self._ctx.finish()
@@ -107,8 +114,8 @@ class Viewport:
 
     def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
         """Everything that the picture depends on; equal means that the picture is the same."""
-        state: ViewerState = viewer.state
-        return (viewer.scene, viewer.camera, state.r_sil, state.r_inner, state.settings, self.size)
+        state, radii = viewer.state, (viewer.steering.r_sil, viewer.steering.r_inner)
+        return (viewer.scene, viewer.camera, radii, state.printed_cone_test, state.settings, self.size)
 
     def _framebuffer(self) -> moderngl.Framebuffer:
         if self._target is None or self._target.size != self.size:

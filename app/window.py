@@ -92,8 +92,9 @@ class ViewerWindow(WindowConfig):
             return 0.0
         if self._waits_for_work:
             return PROGRESS_INTERVAL
-        expiry = self._viewer.state.next_expiry()
-        return LONGEST_SLEEP if expiry is None else min(max(expiry - time.monotonic(), 0.001), LONGEST_SLEEP)
+        times = (self._viewer.state.next_expiry(), self._viewer.steering.next_change)
+        sleeps = [max(moment - time.monotonic(), 0.001) for moment in times if moment is not None]
+        return min([*sleeps, LONGEST_SLEEP])
 
     def _step(self) -> None:
         """Take over finished work and draw what has changed: the model, or only what lies around it."""
@@ -130,13 +131,13 @@ class ViewerWindow(WindowConfig):
 
     def _report_idleness(self) -> None:
         """Say, to the curious, when there is nothing left to do."""
-        idle = not self._has_to_draw and not self._waits_for_work
+        idle = not self._has_to_draw and not self._waits_for_work and self._viewer.steering.next_change is None
         if idle and not self._idle and self._verbose:
             print("idle", file=sys.stderr, flush=True)
         self._idle = idle
 
     def _report(self, report: FrameReport) -> None:
-        self._viewer.state.history.append(report)
+        self._viewer.drawn(report)
         if self._verbose:
             print(
                 f"frame: {report.splats} splats, {report.triangles} triangles, {report.silhouette} silhouette, "

@@ -114,6 +114,48 @@ def test_built_in_model_without_normal_mapping(tmp_path):
     assert np.isfinite(np.load(npz)["depth"][32, 32])
 
 
+def render_statistics(*arguments):
+    status, output, complaints = run("render", *arguments, "--resolution", "256,256", "--json")
+    assert (status, complaints) == (0, "")
+    return json.loads(output)
+
+
+def test_what_was_drawn_with_is_told(rendered):
+    _, _, statistics = rendered
+    assert (statistics["r_sil"], statistics["r_inner"], statistics["w_s"]) == (2.0, 16.0, 16)
+    assert statistics["coarseness"] == 1.0
+    assert statistics["promised_degrees"] > 0.0
+    assert statistics["promised_pixels"] >= 0.0
+
+
+def test_error_goal_chooses_what_is_drawn_with(torus):
+    strict, lax = (render_statistics(torus, "--max-error", goal) for goal in ("0.5,0.2", "4,2"))
+    assert strict["promised_degrees"] < lax["promised_degrees"] <= 4.0
+    assert strict["promised_pixels"] <= lax["promised_pixels"] <= 2.0
+    assert strict["splats"] + strict["triangles"] > lax["splats"] + lax["triangles"]
+    assert lax["w_s"] == lax["tile_texels"]
+
+
+def test_rate_that_nothing_meets_draws_the_coarsest(torus):
+    slow = render_statistics(torus, "--fps", "1")
+    assert (slow["coarseness"], slow["r_inner"]) == (1.0, 16.0)
+    fast = render_statistics(torus, "--fps", "1000")
+    assert fast["coarseness"] > 4.0
+    assert fast["r_sil"] == pytest.approx(2.0 * fast["coarseness"], rel=1e-3)
+    assert fast["splats"] + fast["triangles"] < 0.5 * (slow["splats"] + slow["triangles"])
+
+
+def test_ways_of_the_papers_draw_other_pictures(torus, tmp_path):
+    ways = ((), ("--splat", "sprite"), ("--cone-test", "printed"))
+    pictures = []
+    for number, way in enumerate(ways):
+        npz = tmp_path / f"{number}.npz"
+        assert run("render", torus, "--output", npz, "--resolution", "96,64", *way)[0] == 0
+        pictures.append(np.load(npz)["color"].astype(int))
+    assert np.abs(pictures[0] - pictures[1]).max() > 0
+    assert np.abs(pictures[0] - pictures[2]).max() > 0
+
+
 def test_info_for_people_and_for_programs(torus):
     status, output, _ = run("info", torus, "--json", "--w-s", "4")
     described = json.loads(output)
@@ -163,6 +205,7 @@ def test_display_that_does_not_answer_is_no_display(torus, tmp_path):
             "render {models}/torus.ply --output {folder}/a.png --camera-position 0,0,1 --camera-focal-point 0,0,1",
             "same point",
         ),
+        ("render {models}/torus.ply --output {folder}/a.png --max-error 1 --r-sil 2", "--max-error"),
         ("render --texture {models}/torus.ply --output {folder}/a.png", "texture"),
         ("info {folder}", "{folder_name}"),
         ("info {models}/torus.ply --nonsense", "--nonsense"),

@@ -41,6 +41,16 @@ def test_window_takes_model_and_options():
     assert (options.command, options.model, options.r_sil) == ("window", Path("bunny.obj"), 0.0)
 
 
+def test_goals_and_what_is_for_comparison():
+    for command in ("window", "render"):
+        line = "--max-error 0.8,0.25 --fps 24.5 --splat sprite --cone-test printed"
+        options = parse_options([*(["render", "--json"] if command == "render" else []), *line.split()])
+        assert (options.max_error, options.fps) == ((0.8, 0.25), 24.5)
+        assert (options.splat, options.printed_cone_test) == ("sprite", True)
+    assert parse_options(["--max-error", "2"]).max_error == (2.0, 0.5)
+    assert not parse_options(["--cone-test", "own"]).printed_cone_test
+
+
 def test_info_takes_json():
     options = parse_options(["info", "bunny.obj", "--json"])
     assert (options.command, options.model, options.json) == ("info", Path("bunny.obj"), True)
@@ -60,6 +70,24 @@ def test_render_for_its_statistics_alone():
     ("line", "told"),
     [
         ("--r-sil -1", "less than 0"),
+        ("--max-error nan", "not a number of degrees"),
+        ("--max-error 1,inf", "not a number of degrees"),
+        ("--max-error 1,", "not a number of degrees"),
+        ("--max-error 1,2,3", "not a number of degrees"),
+        ("--max-error small", "not a number of degrees"),
+        ("--max-error -1", "no error greater than 0"),
+        ("--max-error 1,0", "no error greater than 0"),
+        ("--max-error 1 --r-sil 2", "--max-error decides about --r-sil itself"),
+        ("render --json --w-s 8 --max-error 1 --r-inner 2", "--max-error decides about --r-inner and --w-s itself"),
+        ("--max-error 1 --no-normal-mapping", "does not go with --no-normal-mapping"),
+        ("--fps 0", "between 1 and 1000"),
+        ("--fps -20", "between 1 and 1000"),
+        ("--fps nan", "not a number of frames"),
+        ("--fps fast", "not a number of frames"),
+        ("--splat cube", "'quad', 'sprite'"),
+        ("--cone-test none", "'own', 'printed'"),
+        ("info --max-error 1", "unrecognized"),
+        ("info --fps 20", "unrecognized"),
         ("--r-inner nan", "not a number of pixels"),
         ("--r-inner inf", "not a number of pixels"),
         ("--w-s 3", "none of 2, 4, 8, 16, 32"),

@@ -8,7 +8,9 @@ import pytest
 from app.commands import Command
 from app.errors import GraphicsError
 from app.options import CameraOptions, Options
+from app.state import FrameReport
 from app.viewer import Viewer
+from hierarchy.goals import Detail, Promise
 
 SIZE = (320, 240)
 
@@ -167,3 +169,55 @@ def test_model_that_does_not_fit_the_gpu_is_a_message(viewer, far_torus):
     settle(viewer)
     assert viewer.scene is scene
     assert [message.text for message in viewer.state.messages] == ["too large"]
+
+
+def test_command_line_sets_the_goals(torus):
+    options = Options(model=torus, max_error=(0.7, 0.3), fps=25.0, splat="sprite", printed_cone_test=True)
+    viewer = Viewer(options, lambda: None, lambda scene: None)
+    state = viewer.state
+    assert (state.limit_error, state.max_degrees, state.max_pixels) == (True, 0.7, 0.3)
+    assert (state.hold_rate, state.frames_per_second) == (True, 25.0)
+    assert (state.settings.splat, state.printed_cone_test) == ("sprite", True)
+    viewer.close()
+
+
+def test_error_goal_bakes_the_tiles_that_it_chooses(viewer):
+    settle(viewer)
+    viewer.state.limit_error, viewer.state.max_degrees = True, 0.3
+    wait(viewer, lambda: viewer.steering.next_change is None)
+    settle(viewer)
+    assert viewer.scene.tiles.texels == viewer.steering.texels == viewer.state.steered.texels
+    # The user's own choice waits until the goal is switched off.
+    assert viewer.state.texels == 4
+    viewer.state.limit_error = False
+    settle(viewer)
+    assert viewer.scene.tiles.texels == viewer.steering.texels == 4
+
+
+def test_cancelled_baking_for_a_goal_is_not_begun_again(viewer, monkeypatch):
+    settle(viewer)
+    best = Detail(1.0, 16.0, 32), Promise(1.0, 1.0)
+    present = Detail(1.0, 4.0, 4), Promise(1.0, 1.0)
+    monkeypatch.setattr("hierarchy.goals.detail_for_goal", lambda *where, texels: best if 32 in texels else present)
+    viewer.state.limit_error = True
+    wait(viewer, lambda: viewer.task is not None)
+    assert viewer.cancel()
+    wait(viewer, lambda: viewer.task is None)
+    for _ in range(10):
+        viewer.poll(SIZE)
+    assert viewer.task is None
+    assert viewer.scene.tiles.texels == viewer.steering.texels == 4
+
+
+def test_frames_reach_history_and_budget(viewer):
+    settle(viewer)
+    viewer.state.hold_rate, viewer.state.frames_per_second = True, 50.0
+    report = FrameReport(1, 2, 3, 4, (1.0, 1.0, 1.0, 1.0), 100.0)
+    for _ in range(12):
+        viewer.camera = viewer.camera.orbit(3.0, 0.0, SIZE[1])
+        viewer.poll(SIZE)
+        viewer.drawn(report)
+    assert len(viewer.state.history) == 12
+    viewer.camera = viewer.camera.orbit(3.0, 0.0, SIZE[1])
+    viewer.poll(SIZE)
+    assert viewer.steering.r_inner > 4.0 * viewer.state.r_inner

@@ -162,7 +162,8 @@ def test_axis_views(window):
 
 # Rows of the panel's sliders, and where the box of a toggle is.
 R_SIL, R_INNER, W_S = 130, 156, 182
-NORMAL_MAPPING = (WINDOW[0] - PANEL_WIDTH + 26, 240)
+NORMAL_MAPPING = (WINDOW[0] - PANEL_WIDTH + 26, 292)
+ERROR_GOAL, RATE_GOAL = (WINDOW[0] - PANEL_WIDTH + 26, 208), (WINDOW[0] - PANEL_WIDTH + 26, 234)
 
 
 def click_slider(window: Window, row: int, share: float) -> Frame:
@@ -214,6 +215,39 @@ def test_w_s_bakes_in_the_background(window):
     assert changed(before, window.look()) > 0.0
     click_slider(window, W_S, 0.75)
     assert changed(before, window.look()) == 0.0
+
+
+def test_rate_is_held_while_moving_and_detail_returns_at_rest(window):
+    """At 30 frames a second or whatever this machine makes of it: what moves is coarser than what rests."""
+    before = window.frames[-1]
+    # The slider's right end: 120 frames a second.
+    window.do("mousemove", *RATE_GOAL, "click", 1, draws=False)
+    window.do("mousemove", WINDOW[0] - 18, RATE_GOAL[1], "click", 1, "mousemove", *MIDDLE, draws=False)
+    still = len(window.frames)
+    turns = ("mousemove_relative", "--", 4, 0, "sleep", 0.03, "mousemove_relative", "--", -4, 0, "sleep", 0.03)
+    last = window.do("mousedown", 1, *(turns * 25), "mouseup", 1)
+    moving = [frame.primitives for frame in window.frames[still:]]
+    assert min(moving) < 0.5 * before.primitives
+    # At last there is nothing left to do, and what is seen is what was seen before.
+    assert last == before
+    assert moving[-1] == before.primitives
+    # It comes back step by step: some frames lie between.
+    coarsest = len(moving) - 1 - moving[::-1].index(min(moving[-8:]))
+    assert moving[coarsest:] == sorted(moving[coarsest:])
+    assert len(moving) - coarsest >= 3
+    window.do("mousemove", *RATE_GOAL, "click", 1, "mousemove", *MIDDLE, draws=False)
+
+
+def test_error_goal_takes_over_the_sliders(window):
+    before = window.frames[-1]
+    limited = window.do("mousemove", *ERROR_GOAL, "click", 1, "mousemove", *MIDDLE)
+    assert limited != before
+    # They do not answer as long as it holds.
+    click_r_inner = ("mousemove", WINDOW[0] - 100, R_INNER, "click", 1, "mousemove", *MIDDLE)
+    frames = len(window.frames)
+    window.do(*click_r_inner, draws=False)
+    assert len(window.frames) == frames
+    assert window.do("mousemove", *ERROR_GOAL, "click", 1, "mousemove", *MIDDLE) == before
 
 
 def test_screenshot_is_what_the_window_shows(window, models):

@@ -1,0 +1,243 @@
+"""What goals make of the sliders, with a clock, a model and error bounds of the test's own."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from app.state import ViewerState
+from app.steering import REST, Steering
+from hierarchy.goals import Detail, Promise
+
+SIZE = (320, 240)
+FRAME = 0.03
+
+
+class FakeScene:
+    """Like a scene, equal to none but itself."""
+
+    def __init__(self, texels=16):
+        self.hierarchy = "a model"
+        self.tiles = SimpleNamespace(texels=texels) if texels else None
+
+
+class Bounds:
+    """Error bounds that depend on nothing but the tiles; counts how often they are asked for, and for which tiles.
+
+    radii : r_inner by texels; the largest wins
+    """
+
+    def __init__(self):
+        self.radii = {2: 2.0, 4: 4.0, 8: 8.0, 16: 16.0, 32: 17.0}
+        self.asked = []
+
+    def __call__(self, hierarchy, view, goal, *, texels):
+        self.asked.append(tuple(texels))
+        best = max(texels, key=self.radii.__getitem__)
+        return Detail(goal.pixels, self.radii[best] * goal.degrees, best), Promise(0.9 * goal.degrees, goal.pixels)
+
+
+@pytest.fixture
+def bounds(monkeypatch):
+    bounds = Bounds()
+    monkeypatch.setattr("hierarchy.goals.detail_for_goal", bounds)
+    return bounds
+
+
+class Session:
+    """A user at a window: one call is one turn of its loop."""
+
+    def __init__(self, **fields):
+        self.state = ViewerState(**fields)
+        self.steering = Steering()
+        self.scene, self.camera, self.now = FakeScene(), object(), 100.0
+        self.update()
+
+    def update(self, seconds=FRAME):
+        self.now += seconds
+        self.steering.update(self.state, self.scene, self.camera, SIZE, lambda: "a view", self.now)
+
+    def move(self, milliseconds=None):
+        """Move the camera and draw, which takes some time."""
+        self.camera = object()
+        self.update()
+        self.draw(milliseconds)
+
+    def draw(self, milliseconds=None):
+        milliseconds = 100.0 / (self.steering.r_inner / 16.0) if milliseconds is None else milliseconds
+        self.now += 1e-3 * milliseconds
+        self.steering.drawn(self.state, milliseconds, self.now)
+
+    @property
+    def radii(self):
+        return self.steering.r_sil, self.steering.r_inner
+
+
+def test_without_goals_the_sliders_hold_and_nothing_is_waited_for(bounds):
+    session = Session(r_sil=1.5, r_inner=20.0, texels=8)
+    for _ in range(20):
+        session.move(500.0)
+        assert (session.radii, session.steering.texels) == ((1.5, 20.0), 8)
+        assert session.steering.next_change is None
+    assert bounds.asked == []
+
+
+def test_rate_coarsens_what_moves_and_rest_refines_it(bounds):
+    session = Session(hold_rate=True, frames_per_second=30.0)
+    for _ in range(30):
+        session.move()
+    r_sil, r_inner = session.radii
+    assert r_inner == pytest.approx(16.0 * 3.0, rel=0.2)
+    assert r_sil == pytest.approx(2.0 * r_inner / 16.0)
+    assert session.state.steered.coarseness == pytest.approx(r_inner / 16.0)
+    # The window has to look again once the camera rests, and not after that.
+    assert session.steering.next_change == pytest.approx(session.now + REST)
+    session.update(REST - 0.01)
+    assert session.radii == (r_sil, r_inner)
+    session.update(0.02)
+    seen = []
+    while session.radii != (2.0, 16.0):
+        seen.append(session.radii[1])
+        session.draw()
+        session.update()
+    assert seen == pytest.approx([r_inner / 2.0])
+    assert session.steering.next_change is None
+    session.draw(1000.0)
+    assert session.state.steered.coarseness == pytest.approx(r_inner / 16.0)
+    session.move()
+    assert session.radii[1] == pytest.approx(r_inner)
+
+
+def test_slow_frame_of_a_motion_is_no_rest(bounds):
+    session = Session(hold_rate=True, frames_per_second=5.0)
+    seen = []
+    for _ in range(10):
+        session.move(2.0 * 1e3 * REST)
+        # The next event is still on its way.
+        session.update(0.01)
+        seen.append(session.radii[1])
+    assert seen == sorted(seen)
+    assert seen[-1] > 2.0 * seen[0]
+
+
+def test_frames_of_settings_scenes_and_rest_are_not_measured(bounds):
+    session = Session(hold_rate=True)
+    for _ in range(10):
+        session.move(10.0)
+    for change in ("printed_cone_test", "settings", "scene", "nothing"):
+        for _ in range(8):
+            if change == "printed_cone_test":
+                session.state.printed_cone_test = not session.state.printed_cone_test
+            elif change == "settings":
+                ground = session.state.settings.ground
+                session.state.settings = replace(session.state.settings, ground=not ground)
+            elif change == "scene":
+                session.scene = FakeScene()
+            if change != "nothing":
+                session.camera = object()
+            session.update()
+            session.draw(900.0)
+        assert session.state.steered.coarseness == 1.0, change
+
+
+def test_error_goal_gives_radii_and_tiles(bounds):
+    session = Session(limit_error=True, max_degrees=0.5, max_pixels=0.4, r_sil=9.0, r_inner=9.0)
+    assert session.radii == (0.4, 8.0)
+    steered = session.state.steered
+    assert (steered.r_sil, steered.r_inner, steered.texels, steered.promise) == (0.4, 8.0, 16, (0.45, 0.4))
+    session.state.limit_error = False
+    session.update()
+    assert session.radii == (9.0, 9.0)
+    assert session.state.steered.promise is None
+
+
+def test_bounds_are_followed_now_and_then_while_moving_and_once_at_rest(bounds):
+    session = Session(limit_error=True)
+    session.update(1.0)
+    bounds.asked.clear()
+    for _ in range(50):
+        session.move(1e3 * FRAME)
+    # 50 moves in 3 seconds, with the tiles that there are.
+    assert 8 <= len(bounds.asked) <= 13
+    assert set(bounds.asked) == {(16,)}
+    assert session.steering.next_change is not None
+    session.update(2.0 * REST)
+    assert bounds.asked[-3:] == [(2, 4, 8, 16, 32), (16,), (16,)]
+    assert session.steering.next_change is None
+    bounds.asked.clear()
+    for _ in range(10):
+        session.update(1.0)
+    assert bounds.asked == []
+
+
+def test_changed_goal_is_followed_at_once(bounds):
+    session = Session(limit_error=True, max_degrees=1.0)
+    session.update(1.0)
+    session.state.max_degrees = 0.5
+    session.update(0.01)
+    assert session.radii[1] == 8.0
+
+
+@pytest.mark.parametrize(("present", "radii", "wanted"), [
+    # 17 instead of 16 pixels are not worth a bake; eight times the radius is; a sixteenth of the texels is.
+    (16, {}, 16),
+    (2, {}, 32),
+    (32, {2: 17.0, 32: 16.0}, 2),
+])  # fmt: skip
+def test_tiles_change_only_for_much_better_ones_and_only_at_rest(bounds, present, radii, wanted):
+    session = Session(limit_error=True)
+    session.scene = FakeScene(present)
+    session.steering = Steering()
+    session.steering.keep(present)
+    bounds.radii.update(radii)
+    session.update()
+    session.move()
+    assert session.steering.texels == present
+    session.update(2.0 * REST)
+    assert session.steering.texels == wanted
+    # What is drawn until then has the radii that the present tiles allow.
+    assert session.radii[1] == bounds.radii[present]
+    session.scene = FakeScene(wanted)
+    for _ in range(5):
+        session.update(1.0)
+        assert session.steering.texels == wanted
+    assert session.radii[1] == bounds.radii[wanted]
+
+
+def test_first_tiles_are_chosen_and_promised_once_baked(bounds):
+    session = Session(limit_error=True)
+    session.steering, session.scene = Steering(), FakeScene(0)
+    session.update()
+    assert session.steering.texels == 32
+    assert session.state.steered.promise is None
+    session.scene = FakeScene(32)
+    session.update(1.0)
+    assert session.state.steered.promise is not None
+
+
+def test_cancelled_tiles_are_not_asked_for_again_before_something_changes(bounds):
+    session = Session(limit_error=True)
+    session.steering, session.scene = Steering(), FakeScene(2)
+    session.update()
+    session.update(1.0)
+    assert session.steering.texels == 32
+    session.steering.keep(2)
+    session.update(1.0)
+    assert session.steering.texels == 2
+    session.move()
+    session.update(1.0)
+    assert session.steering.texels == 32
+
+
+def test_both_goals_together(bounds):
+    session = Session(limit_error=True, max_degrees=0.5, hold_rate=True, frames_per_second=30.0)
+    for _ in range(40):
+        session.move(60.0 * 8.0 / session.steering.r_inner)
+    assert session.radii[1] == pytest.approx(8.0 * session.state.steered.coarseness)
+    assert session.state.steered.coarseness == pytest.approx(2.0, rel=0.2)
+    assert session.state.steered.r_inner == 8.0
+    for _ in range(8):
+        session.update(REST)
+        session.draw(1.0)
+    session.update(REST)
+    assert session.radii == (0.5, 8.0)
