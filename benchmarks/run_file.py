@@ -24,6 +24,7 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -65,12 +66,24 @@ class Record:
 
     def value(self, path: str) -> float:
         """Return a number by its path, such as "cost.frame_ms.median" or "r_inner"; nan where there is none."""
-        found = flat(self.to_dict()).get(path)
+        found = self.row.get(path)
         return float(found) if isinstance(found, int | float) else math.nan
 
     def to_dict(self) -> Json:
         """Return the record as it stands in the file."""
         return {**asdict(self.setting), "cost": self.cost, "error": self.error}
+
+    # A record never changes, and all of them are written whenever one is added.
+
+    @cached_property
+    def line(self) -> str:
+        """The record as JSON."""
+        return _dump(self.to_dict())
+
+    @cached_property
+    def row(self) -> Json:
+        """The record's values by their paths."""
+        return flat(plain(self.to_dict()))
 
     @staticmethod
     def from_dict(document: Json) -> Record:
@@ -167,13 +180,13 @@ def plain(value: Any) -> Any:
 def _json_text(run: Run) -> str:
     """Write lists with one entry a line, so that two runs can be compared line by line."""
     document = {"format": FORMAT, **{name: getattr(run, name) for name in vars(run)}}
-    document["records"] = [record.to_dict() for record in run.records]
     return "{\n" + ",\n".join(f"{_dump(name)}: {_value_text(value)}" for name, value in document.items()) + "\n}\n"
 
 
 def _value_text(value: Any) -> str:
     if isinstance(value, list):
-        return "[" + ",".join(f"\n {_dump(each)}" for each in value) + "]"
+        lines = [each.line if isinstance(each, Record) else _dump(each) for each in value]
+        return "[" + ",".join(f"\n {line}" for line in lines) + "]"
     if isinstance(value, dict):
         return "{" + ",".join(f"\n {_dump(name)}: {_dump(each)}" for name, each in value.items()) + "}"
     return _dump(value)
@@ -184,7 +197,7 @@ def _dump(value: Any) -> str:
 
 
 def _table_text(records: list[Record]) -> str:
-    rows = [flat(plain(record.to_dict())) for record in records]
+    rows = [record.row for record in records]
     columns = list(dict.fromkeys(_names(rows)))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")

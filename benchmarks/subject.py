@@ -6,6 +6,7 @@ import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -44,7 +45,9 @@ class Subject:
 
         Raises ModelError where it cannot be read, UsageError where it has no surface to compare with.
         """
-        warm_up()
+        if path is None:
+            # So that compiling does not count as making.
+            make_meteoroid(WARM_UP_TRIANGLES)
         model, load_s = timed(lambda: _load(path))
         if not isinstance(model, Mesh):
             raise UsageError(f"{model.name}: a point cloud has no surface to compare with")
@@ -66,6 +69,7 @@ class Subject:
     def hierarchy(self, *, points: bool) -> Hierarchy:
         """Return the point hierarchy or the hybrid one."""
         if points not in self._hierarchies:
+            warm_up()
             hierarchy, build_s = timed(lambda: build_hierarchy(self.mesh, points=points))
             self._hierarchies[points] = hierarchy
             of = "points_" if points else ""
@@ -99,6 +103,7 @@ class Subject:
         return self._tiles[1]
 
 
+@cache
 def warm_up() -> None:
     """Have everything compiled that building and baking needs."""
     small = make_meteoroid(WARM_UP_TRIANGLES)
