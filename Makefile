@@ -41,7 +41,7 @@ lint: $(STAMP)
 # Takes 15 minutes at most, and can be interrupted: it goes on where it stopped.
 bench: $(STAMP)
 	@$(call install_missing,$(LIBRARIES),)
-	$(VENV)/bin/surfelscope bench $(MODELS) --quick --output build/bench/run.json
+	$(VENV)/bin/surfelscope bench $(MODELS) --quick --output build/bench/run.json --report docs/benchmarks.md
 
 # A changed list of packages makes a new environment, so that nothing is left over from the old one.
 $(STAMP): pyproject.toml constraints.txt

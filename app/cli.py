@@ -1,6 +1,7 @@
 """The command `surfelscope`: hands the work on and turns errors into one line and an exit status.
 
-0: done; 2: something the user has to change, said in one line on standard error; 130: interrupted.
+0: done; 1: `bench --compare` found something slower or worse; 2: something the user has to change, said in one line
+on standard error; 130: interrupted.
 """
 
 from __future__ import annotations
@@ -28,12 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from renderer.context import ContextError
 
     try:
+        status = 0
         line = sys.argv[1:] if arguments is None else arguments
         if line and line[0] == BENCH:
             # The benchmarks read a command line of their own, and need more than the viewer.
             from benchmarks.command import run_bench
 
-            run_bench(line[1:])
+            status = run_bench(line[1:])
         else:
             _run(parse_options(line))
         # Output that cannot be delivered shows here, not at the interpreter's end.
@@ -48,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Whoever read the output has gone. Spare the interpreter a second attempt at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_ERROR
-    return 0
+    return status
 
 
 def _run(options: Options) -> None:

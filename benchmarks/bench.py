@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
 
 import moderngl
 
-from app.errors import UsageError
+from app.errors import OutputError, UsageError
 from benchmarks.environment import describe_environment
-from benchmarks.error import measure
+from benchmarks.error import measure, normal_error_image
+from benchmarks.heat_map import draw_heat_map
 from benchmarks.measurement import Picture, Workbench
 from benchmarks.methods import METHODS
 from benchmarks.options import BenchOptions
@@ -24,13 +26,14 @@ from benchmarks.run_file import Json, Record, Run, Setting, read_run, write_run
 from benchmarks.scaling import ScalingError, measure_apart, missing_sizes
 from benchmarks.shading import PictureShader
 from benchmarks.subject import Subject
-from benchmarks.sweep import settings_of, swept_views
+from benchmarks.sweep import R_INNER, R_SIL, TEXELS, settings_of, swept_views
 from benchmarks.truth_cache import TruthCache
 from benchmarks.views import VIEW_ANGLE_DEGREES, views_of
 from hierarchy.view import View
 
 # Kinds of steps.
-RECORD, CAST, TABLE, SIZE = "record", "cast", "table", "size"
+RECORD, CAST, MAP, TABLE, SIZE = "record", "cast", "map", "table", "size"
+FRONT = "front"
 # A surface of the scaling from its making to its measuring, on two cores.
 SECONDS_A_TRIANGLE = 1e-5
 
@@ -49,7 +52,9 @@ class Plan:
     def steps(self) -> Counter[str]:
         """The work by its kinds."""
         uncast = {setting.view for setting in self.settings if not self.truths.holds(self.views[setting.view])}
-        return Counter({RECORD: len(self.settings), CAST: len(uncast), TABLE: int(self.paper)})
+        return Counter(
+            {RECORD: len(self.settings), CAST: len(uncast), MAP: int(bool(self.settings)), TABLE: int(self.paper)}
+        )
 
 
 def measure_all(options: BenchOptions, ctx: moderngl.Context) -> Run:
@@ -129,7 +134,7 @@ def _plan(subject: Subject, options: BenchOptions, run: Run, shader: PictureShad
 def _measure_subject(
     plan: Plan, options: BenchOptions, ctx: moderngl.Context, shader: PictureShader, run: Run, progress: Progress
 ) -> None:
-    """Measure all settings of a plan, and the paper's table where it is of this model."""
+    """Measure all settings of a plan, draw its heat map, and measure the paper's table where it is of this model."""
     if not plan.settings and not plan.paper:
         return
     subject = plan.subject
@@ -144,6 +149,9 @@ def _measure_subject(
         run.records.append(Record(setting, cost, error_of(picture, truth)))
         _keep(run, subject)
         write_run(options.output, run)
+    if options.plots:
+        progress.begin(MAP, f"{subject.name}: heat map of the error")
+        _draw_map(bench, plan, options)
     if plan.paper:
         progress.begin(TABLE, f"{subject.name}: the paper's figure 10")
         run.paper = measure_paper_table(bench, plan.views[PAPER_VIEW], options.rounds)
@@ -151,6 +159,21 @@ def _measure_subject(
         write_run(options.output, run)
     progress.end()
     bench.release()
+
+
+def _draw_map(bench: Workbench, plan: Plan, options: BenchOptions) -> None:
+    """Draw where the error of the viewer's own setting sits, seen from the front."""
+    name = bench.subject.name
+    setting = Setting(name, FRONT, "surfelscope", R_SIL, R_INNER, TEXELS)
+    view = plan.views[FRONT]
+    _, picture = bench.measure(METHODS[setting.method], setting, view, 1)
+    degrees = normal_error_image(picture.normal, picture.coverage, plan.truths.get(view))
+    path = options.plot_folder / f"heat-map-{Path(name).stem}.png"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draw_heat_map(path, picture.color, degrees, f"{name}, r_sil {R_SIL:g}, r_inner {R_INNER:g}, w_s {TEXELS}")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def error_of(picture: Picture, truth: Reference) -> Json:

@@ -27,7 +27,8 @@ class BenchOptions:
     rounds : frames of which the medians are taken
     samples : rays along one side of a pixel
     scaling : measure frame time against model size, too
-    plots : draw plots and tables from the run
+    plots : draw plots of the run
+    report : a page whose tables are filled in; its plots lie beside it
     compare : an older run file to compare with
     """
 
@@ -41,7 +42,13 @@ class BenchOptions:
     samples: int = 4
     scaling: bool = True
     plots: bool = True
+    report: Path | None = None
     compare: Path | None = None
+
+    @property
+    def plot_folder(self) -> Path:
+        """Where plots go: beside the page, or beside the run file."""
+        return (self.report or self.output).parent / "plots"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -81,7 +88,8 @@ def _parser() -> _Parser:
     sweep.add_argument("--rounds", metavar="N", type=_whole(1, 1000), help="frames to take the medians of (9)")
     sweep.add_argument("--samples", metavar="N", type=_whole(1, 16), help="rays along one side of a pixel (4)")
     sweep.add_argument("--no-scaling", dest="scaling", action="store_false", help="leave out the growing surface")
-    parser.add_argument("--no-plots", dest="plots", action="store_false", help="leave out plots and tables")
+    parser.add_argument("--no-plots", dest="plots", action="store_false", help="leave out the plots")
+    parser.add_argument("--report", metavar="PAGE.md", type=Path, help="fill in the tables of a page, draw its plots")
     return parser
 
 

@@ -20,7 +20,7 @@ from app.errors import OutputError, UsageError
 from benchmarks.command import run_bench
 from benchmarks.methods import METHODS
 from benchmarks.options import parse_bench_options
-from benchmarks.run_file import Run, Setting, read_run
+from benchmarks.run_file import Run, Setting, read_run, write_run
 from benchmarks.sweep import settings_of
 from hierarchy.model import Mesh, ModelError
 from renderer.context import ContextError, create_headless_context
@@ -175,6 +175,40 @@ def test_a_run_with_other_settings_is_refused(model, output, change, reason, cap
     assert reason in said
     assert "--restart" in said
     assert said.count("\n") == 1
+
+
+def test_a_comparison_with_itself_finds_nothing_and_with_a_better_one_something(model, output, tmp_path, capsys):
+    line = ["bench", str(model), *SMALL, "--output", str(output), "--compare"]
+    assert main([*line, str(output)]) == 0
+    assert "0 flagged" in capsys.readouterr().out
+    better = read_run(output)
+    for record in better.records:
+        record.cost["frame_over_triangles"] *= 0.5
+    write_run(tmp_path / "better.json", better)
+    assert main([*line, str(tmp_path / "better.json")]) == 1
+    assert "frame / triangles" in capsys.readouterr().out
+
+
+def test_plots_lie_beside_the_run_and_a_page_is_filled_in(model, output, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("benchmarks.bench.settings_of", lambda *_, **__: [next(iter(read_run(output).records)).setting])
+    path, page = tmp_path / "run.json", tmp_path / "docs" / "page.md"
+    shown = [each for each in SMALL if each != "--no-plots"]
+    assert main(["bench", str(model), *shown, "--output", str(path)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert str(path) in said
+    assert (tmp_path / "plots" / "heat-map-lumps.png").stat().st_size > 1000
+    page.parent.mkdir()
+    page.write_text("Before\n<!-- bench:machine -->\n<!-- /bench:machine -->\nafter\n")
+    assert main(["bench", str(model), *shown, "--output", str(path), "--report", str(page)]) == 0
+    assert read_run(path).environment["gl_renderer"] in page.read_text()
+    assert page.read_text().startswith("Before")
+
+
+def test_what_is_to_be_shown_is_looked_for_before_anything_is_measured(model, tmp_path):
+    for option, name in (("--compare", "old.json"), ("--report", "page.md")):
+        with pytest.raises(UsageError, match=name):
+            run_bench([str(model), *SMALL, "--output", str(tmp_path / "run.json"), option, str(tmp_path / name)])
+    assert not (tmp_path / "run.json").exists()
 
 
 def test_restart_begins_anew(model, output, tmp_path, monkeypatch):
