@@ -158,8 +158,7 @@ def _spread(record: Record) -> float:
 
 
 def _grew(old: float, new: float, floor: float) -> bool:
-    # The last bit of a product must not decide whether 5 % is more than 5 %.
-    return new - old > floor and new > old * (1.0 + TOLERANCE) * (1.0 + 1e-12)
+    return new - old > floor and new > old * (1.0 + TOLERANCE)
 
 
 def _notes(old: Run, new: Run) -> Iterable[str]:

@@ -26,6 +26,7 @@ class Point:
     displacement : of the outline, mean, pixels
     splats, triangles : drawn
     tile_bytes : of all tiles of the model
+    records : one a view
     """
 
     setting: Setting
@@ -37,6 +38,11 @@ class Point:
     splats: float
     triangles: float
     tile_bytes: float
+    records: tuple[Record, ...]
+
+    def mean(self, path: str) -> float:
+        """Return the mean over the views of a number by its path, as of `Record.value`; nan where one has none."""
+        return fmean(record.value(path) for record in self.records)
 
     @property
     def primitives(self) -> float:
@@ -100,6 +106,7 @@ def _point(records: Sequence[Record], setting: Setting, triangles_ms: float) -> 
         splats=mean("cost.splats"),
         triangles=mean("cost.triangles"),
         tile_bytes=mean("cost.tile_bytes"),
+        records=tuple(records),
     )
 
 
@@ -172,11 +179,11 @@ def of_method(points: Iterable[Point], method: str, **wanted: float) -> list[Poi
     ]
 
 
-def with_refinement(points: Iterable[Point], w_s: int) -> list[Point]:
-    """Return the settings that draw the silhouette finer than the inside."""
-    return [p for p in of_method(points, "surfelscope", w_s=w_s) if p.setting.r_sil < p.setting.r_inner]
+def with_refinement(points: Iterable[Point]) -> list[Point]:
+    """Return the settings that draw the silhouette finer than the inside, with tiles of any size."""
+    return [p for p in of_method(points, "surfelscope") if p.setting.r_sil < p.setting.r_inner]
 
 
-def without_refinement(points: Iterable[Point], w_s: int) -> list[Point]:
-    """Return the settings whose one radius limits silhouette and inside alike."""
-    return [p for p in of_method(points, "surfelscope", w_s=w_s) if p.setting.r_sil == p.setting.r_inner]
+def without_refinement(points: Iterable[Point]) -> list[Point]:
+    """Return the settings whose one radius limits silhouette and inside alike, with tiles of any size."""
+    return [p for p in of_method(points, "surfelscope") if p.setting.r_sil == p.setting.r_inner]

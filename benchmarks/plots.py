@@ -26,7 +26,7 @@ from benchmarks.findings import (
 from benchmarks.run_file import Run
 from benchmarks.scaling import overtaking
 from benchmarks.setting_text import count
-from benchmarks.sweep import R_SIL, TEXELS
+from benchmarks.sweep import R_SIL
 
 BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE, GREY = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#767676",
@@ -185,8 +185,8 @@ def draw_bytes(axes: Any, points: Sequence[Point]) -> bool:
 def draw_silhouette(axes: Any, points: Sequence[Point]) -> bool:
     """Draw the outline's displacement over what is drawn, with a silhouette that is refined and with one radius."""
     series = {
-        "refined (r_sil / r_inner)": (with_refinement(points, TEXELS), BLUE, "o"),
-        "one radius": (without_refinement(points, TEXELS), RED, "D"),
+        "refined (r_sil / r_inner)": (with_refinement(points), BLUE, "o"),
+        "one radius": (without_refinement(points), RED, "D"),
         "surfels of one radius, as QSplat": (of_method(points, "one radius"), GREEN, "^"),
     }
     if not series["refined (r_sil / r_inner)"][0] or not series["one radius"][0]:
