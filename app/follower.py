@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 # While the camera moves the radii follow this often (seconds): the error bounds of a view take some 15 ms.
 FOLLOW_INTERVAL = 0.25
-# Other tiles are baked where they allow splats this much larger than the present ones do, or are this much smaller.
-WORTH_BAKING, WASTED_TEXELS = 1.5, 4
+# Other tiles are baked where they allow splats this much larger; smaller ones than the present would save nothing more.
+WORTH_BAKING = 1.5
 
 Goal = tuple[float, float]
 
@@ -83,15 +83,10 @@ class Follower:
         baked = scene.tiles.texels if scene.tiles is not None else 0
         present = self.texels or baked
         if rests or not present:
-            # Choose tiles, but stay with the present ones unless others are much better.
+            # Stay with the present tiles unless others are much better, or every other view would bake.
             best = find(*TEXELS)[0]
-            if not present or _much_better(best, find(present)[0]):
+            if not present or best.r_inner > WORTH_BAKING * find(present)[0].r_inner:
                 present = best.texels
         self.texels = present
         # Until other tiles have been baked the present ones have to do.
         self.detail, self.promise = find(baked or present)
-
-
-def _much_better(best: Detail, present: Detail) -> bool:
-    """Tell whether the best tiles are worth baking; what is close stays, or every other view would bake."""
-    return best.r_inner > WORTH_BAKING * present.r_inner or WASTED_TEXELS * best.texels <= present.texels

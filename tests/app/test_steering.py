@@ -179,10 +179,10 @@ def test_changed_goal_is_followed_at_once(bounds):
 
 
 @pytest.mark.parametrize(("present", "radii", "wanted"), [
-    # 17 instead of 16 pixels are not worth a bake; eight times the radius is; a sixteenth of the texels is.
+    # 17 instead of 16 pixels are not worth a bake, eight times the radius is; what is there stays, however large.
     (16, {}, 16),
     (2, {}, 32),
-    (32, {2: 17.0, 32: 16.0}, 2),
+    (32, {2: 17.0, 32: 16.0}, 32),
 ])  # fmt: skip
 def test_tiles_change_only_for_much_better_ones_and_only_at_rest(bounds, present, radii, wanted):
     session = Session(limit_error=True)
