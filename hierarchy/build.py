@@ -13,6 +13,7 @@ from hierarchy.hierarchy import NODE, SPLAT, Hierarchy
 from hierarchy.leaves import Leaves, Surfels, sort_surfels, sort_triangles
 from hierarchy.model import Float32Array, Float64Array, Mesh, Model, Progress, ignore_progress
 from hierarchy.octree import MIN_LEAVES, Octree, build_octree
+from hierarchy.spreads import normal_spreads
 
 
 def build_hierarchy(
@@ -62,6 +63,7 @@ def build_hierarchy(
         origin=model.origin,
         nodes=nodes,
         splats=_splats(centres, normals, sizes, boxes, leaves),
+        spreads=normal_spreads(nodes, leaves, shapes),
         colors=splat_colors(octree, shapes, leaves),
         leaves=leaves,
         closed=closed,

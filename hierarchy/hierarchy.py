@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hierarchy.leaves import Leaves, Triangles
-from hierarchy.model import Float64Array, UInt8Array
+from hierarchy.model import Float64Array, UInt8Array, UInt16Array
 
 # What the selection reads of a node.
 NODE = np.dtype(
@@ -46,6 +46,7 @@ class Hierarchy:
     name, origin, warnings : as in `Mesh`
     nodes : NODE (M,), breadth-first, root first, parents before children; inner nodes only
     splats : SPLAT (M,) or (M + N,), the nodes' discs and, in a point hierarchy, the N leaf surfels behind them
+    spreads : uint16 (M, SCALES), how much the normals below a node vary (spreads.py)
     colors : uint8, one row a splat, or None
     leaves : base primitives in Morton order; a node's leaves are a contiguous range of them. A leaf that lies in
         a node's range but in none of its children's hangs on the node itself.
@@ -58,6 +59,7 @@ class Hierarchy:
     origin: Float64Array
     nodes: np.ndarray
     splats: np.ndarray
+    spreads: UInt16Array
     colors: UInt8Array | None
     leaves: Leaves
     closed: bool
@@ -86,5 +88,5 @@ class Hierarchy:
     @property
     def nbytes(self) -> int:
         """Bytes of all arrays."""
-        arrays = [self.nodes, self.splats, self.colors, *vars(self.leaves).values()]
+        arrays = [self.nodes, self.splats, self.spreads, self.colors, *vars(self.leaves).values()]
         return sum(a.nbytes for a in arrays if a is not None)
