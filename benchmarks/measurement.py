@@ -22,12 +22,12 @@ from benchmarks.instruments import InstrumentedRenderer
 from benchmarks.methods import Method
 from benchmarks.run_file import Json, Setting
 from benchmarks.shading import PictureShader
-from benchmarks.subject import Subject
+from benchmarks.subject import Subject, nodes_of
 from benchmarks.triangles import TriangleBaseline
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.model import Float32Array, Mesh, UInt8Array
-from hierarchy.normal_tiles import NormalTiles
+from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.view import View
 from renderer.settings import Settings
 
@@ -104,8 +104,28 @@ class Workbench:
             "tile_bytes": self.subject.tile_bytes(points=method.points, texels=setting.w_s),
             "peak_memory_mb": peak_memory_mb(),
         }
+        return cost, self._read()
+
+    def draw(self, method: Method, setting: Setting, view: View) -> Picture:
+        """Return the picture of a setting of a method that has a cut, with tiles of no more than what it draws.
+
+        Raises GraphicsError where the GPU refuses.
+        """
+        select = method.select
+        assert select is not None
+        hierarchy = self.subject.hierarchy(points=method.points)
+        cut = select(hierarchy, view, setting.r_sil, setting.r_inner)
+        with graphics_errors():
+            tiles = bake_tiles(hierarchy, setting.w_s, nodes=nodes_of(cut, hierarchy)) if setting.w_s else None
+            self._set(hierarchy, tiles)
+            settings = replace(method.settings, two_sided=not hierarchy.closed)
+            self._renderer.draw(cut, view, settings, self._framebuffer)
+            return self._read()
+
+    def _read(self) -> Picture:
+        """Return what was drawn last."""
         frame = self._renderer.read_arrays()
-        return cost, Picture(frame.normal, frame.depth, frame.coverage, frame.color[..., :3])
+        return Picture(frame.normal, frame.depth, frame.coverage, frame.color[..., :3])
 
     def _measure_triangles(self, method: Method, view: View, rounds: int) -> tuple[Json, Picture]:
         baseline = self._baseline(cull=method.cull)
@@ -163,9 +183,13 @@ class Workbench:
         return self._triangles[cull]
 
     def _bring(self, method: Method, setting: Setting, cut: Cut) -> None:
-        """Bring the hierarchy and the tiles that a setting draws to the GPU, where they are not there yet."""
+        """Bring the hierarchy and the tiles that a setting draws to the GPU."""
         hierarchy = self.subject.hierarchy(points=method.points)
         tiles = self.subject.tiles(cut, points=method.points, texels=setting.w_s) if setting.w_s else None
+        self._set(hierarchy, tiles)
+
+    def _set(self, hierarchy: Hierarchy, tiles: NormalTiles | None) -> None:
+        """Bring a hierarchy and tiles to the GPU where they are not there yet."""
         if self._hierarchy is not hierarchy:
             self._renderer.set_hierarchy(hierarchy)
             self._hierarchy, self._tiles = hierarchy, None

@@ -20,7 +20,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.load import load_model
 from hierarchy.lod import Cut
 from hierarchy.meteoroid import make_meteoroid
-from hierarchy.model import Mesh, Model
+from hierarchy.model import Mesh, Model, UInt32Array
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 
 T = TypeVar("T")
@@ -91,7 +91,7 @@ class Subject:
         hierarchy = self.hierarchy(points=points)
         size = self.tile_bytes(points=points, texels=texels)
         if size > WHOLE_TILES_BYTES:
-            return bake_tiles(hierarchy, texels, nodes=cut.splats[cut.splats < hierarchy.node_count])
+            return bake_tiles(hierarchy, texels, nodes=nodes_of(cut, hierarchy))
         if self._tiles is None or self._tiles[0] != (points, texels):
             # Two atlases at once may be more than fits.
             self._tiles = None
@@ -101,6 +101,11 @@ class Subject:
                 self.info["bake_s"][str(texels)] = bake_s
                 self.info["tile_bytes"][str(texels)] = size
         return self._tiles[1]
+
+
+def nodes_of(cut: Cut, hierarchy: Hierarchy) -> UInt32Array:
+    """Return the splats of a cut that are nodes, and so have a tile."""
+    return cut.splats[cut.splats < hierarchy.node_count]
 
 
 @cache

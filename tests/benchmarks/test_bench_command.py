@@ -20,9 +20,12 @@ from app.errors import OutputError, UsageError
 from benchmarks.command import run_bench
 from benchmarks.methods import METHODS
 from benchmarks.options import parse_bench_options
+from benchmarks.promise_check import GOALS, OF_THE_SWEEP, describe_goal
 from benchmarks.run_file import Run, Setting, read_run, write_run
 from benchmarks.sweep import settings_of
+from benchmarks.views import views_of
 from hierarchy.model import Mesh, ModelError
+from hierarchy.view import View
 from renderer.context import ContextError, create_headless_context
 
 for package in ("embreex", "flip_evaluator", "matplotlib", "skimage"):
@@ -49,17 +52,27 @@ def model(tmp_path_factory) -> Path:
     return write_obj(tmp_path_factory.mktemp("models") / "lumps.obj", bumpy_sphere(8))
 
 
+VIEWS = ("front", "inside")
+
+
+def a_few_views(mesh: Mesh, resolution: tuple[int, int]) -> dict[str, View]:
+    """Return two of the views, in place of all."""
+    views = views_of(mesh, resolution)
+    return {name: views[name] for name in VIEWS if name in views}
+
+
 def a_few_settings(model: str, *_: object, **__: object) -> list[Setting]:
     """Return some settings of every method, in place of the sweep's."""
-    views = ("front", "inside")
-    settings = settings_of(model, views, ["front"], closed=True, quick=True, everywhere=True)
+    settings = settings_of(model, VIEWS, ["front"], closed=True, quick=True, everywhere=True)
     return [each for each in settings if each.r_inner in (0.0, 4.0, 16.0) and each.r_sil != 1.0]
 
 
 MEASURE_A_FEW = """
 import sys
-import app.cli, benchmarks.bench, benchmarks.environment, test_bench_command
-benchmarks.bench.settings_of = test_bench_command.a_few_settings
+import app.cli, benchmarks.plan, benchmarks.environment, test_bench_command
+benchmarks.plan.settings_of = test_bench_command.a_few_settings
+benchmarks.plan.views_of = test_bench_command.a_few_views
+benchmarks.plan.GOALS = benchmarks.plan.GOALS[:1]
 benchmarks.environment.code_digest = lambda _: "code"
 sys.exit(app.cli.main(sys.argv[1:]))
 """
@@ -69,7 +82,9 @@ sys.exit(app.cli.main(sys.argv[1:]))
 def few_settings() -> Iterator[None]:
     """Measure few settings, and let nobody mind who edits the code while the tests run."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmarks.bench.settings_of", a_few_settings)
+        patch.setattr("benchmarks.plan.settings_of", a_few_settings)
+        patch.setattr("benchmarks.plan.views_of", a_few_views)
+        patch.setattr("benchmarks.plan.GOALS", GOALS[:1])
         patch.setattr("benchmarks.environment.code_digest", lambda _: "code")
         yield
 
@@ -158,6 +173,21 @@ def test_models_and_environment_are_described(output):
     assert {"code", "cpu", "cores", "gl_renderer", "python", "date"} <= run.environment.keys()
 
 
+def test_promises_are_compared_with_what_is_measured(output):
+    run = read_run(output)
+    goals = [entry for entry in run.bounds if entry["goal"] == describe_goal(GOALS[0])]
+    swept = [entry for entry in run.bounds if entry["goal"] == OF_THE_SWEEP]
+    assert len(goals) + len(swept) == len(run.bounds)
+    assert len({entry["view"] for entry in goals}) == len(goals) == len(VIEWS)
+    own = [record for record in run.records if record.setting.method == "surfelscope"]
+    for entry, record in zip(swept, own, strict=True):
+        assert (entry["view"], entry["r_inner"]) == (record.setting.view, record.setting.r_inner)
+        assert entry["measured"]["degrees"] == record.value("error.normal_degrees.mean")
+        assert entry["promised"]["degrees"] > 0.0
+    for entry in goals:
+        assert entry["keeps"] == (entry["promised"]["degrees"] <= 0.5 and entry["promised"]["pixels"] <= 0.3)
+
+
 def test_a_finished_run_is_left_alone(model, output, capsys):
     before = output.read_text()
     assert main(["bench", str(model), *SMALL, "--output", str(output)]) == 0
@@ -190,7 +220,7 @@ def test_a_comparison_with_itself_finds_nothing_and_with_a_better_one_something(
 
 
 def test_plots_lie_beside_the_run_and_a_page_is_filled_in(model, output, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("benchmarks.bench.settings_of", lambda *_, **__: [next(iter(read_run(output).records)).setting])
+    monkeypatch.setattr("benchmarks.plan.settings_of", lambda *_, **__: [next(iter(read_run(output).records)).setting])
     path, page = tmp_path / "run.json", tmp_path / "docs" / "page.md"
     shown = [each for each in SMALL if each != "--no-plots"]
     assert main(["bench", str(model), *shown, "--output", str(path)]) == 0
@@ -212,7 +242,7 @@ def test_what_is_to_be_shown_is_looked_for_before_anything_is_measured(model, tm
 
 
 def test_restart_begins_anew(model, output, tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmarks.bench.settings_of", lambda *_, **__: [next(iter(read_run(output).records)).setting])
+    monkeypatch.setattr("benchmarks.plan.settings_of", lambda *_, **__: [next(iter(read_run(output).records)).setting])
     path = tmp_path / "run.json"
     path.write_text(output.read_text())
     run_bench([str(model), *SMALL, "--rounds", "2", "--output", str(path), "--restart"])
@@ -232,7 +262,7 @@ def test_an_open_model_is_lit_from_both_sides(tmp_path, monkeypatch):
         return [s for s in settings_of(model, ["front"], ["front"], closed=False, quick=True, everywhere=False)
                 if s.method in ("triangles", "surfelscope") and s.r_inner in (0.0, 8.0)]  # fmt: skip
 
-    monkeypatch.setattr("benchmarks.bench.settings_of", only_triangles)
+    monkeypatch.setattr("benchmarks.plan.settings_of", only_triangles)
     run_bench([str(write_obj(tmp_path / "half.obj", half)), *SMALL, "--samples", "4", "--output", str(path)])
     run = read_run(path)
     assert not run.models["half.obj"]["closed"]
