@@ -38,10 +38,11 @@ lint: $(STAMP)
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
-# Takes 15 minutes at most, and can be interrupted: it goes on where it stopped.
+# Takes 15 minutes at most, and can be interrupted: it goes on where it stopped. BENCH_ARGS=--restart begins anew, which
+# it asks for where the code has changed since.
 bench: $(STAMP)
 	@$(call install_missing,$(LIBRARIES),)
-	$(VENV)/bin/surfelscope bench $(MODELS) --quick --output build/bench/run.json --report docs/benchmarks.md
+	$(VENV)/bin/surfelscope bench $(MODELS) --quick --output build/bench/run.json --report docs/benchmarks.md $(BENCH_ARGS)
 
 # A changed list of packages makes a new environment, so that nothing is left over from the old one.
 $(STAMP): pyproject.toml constraints.txt

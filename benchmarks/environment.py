@@ -16,11 +16,11 @@ from benchmarks.run_file import Json
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# Rooms whose code decides what is measured, and the files among them that only show it.
+# Rooms whose code decides what a measurement says, and the files among them that only choose or show it.
 MEASURED = ("hierarchy", "renderer", "shaders", "benchmarks")
 SHOWN = (
-    "command.py", "compare.py", "findings.py", "options.py", "plots.py", "progress.py", "report.py", "resume.py",
-    "setting_text.py", "sweep.py",
+    "command.py", "compare.py", "findings.py", "heat_map.py", "options.py", "plan.py", "plots.py", "progress.py",
+    "report.py", "resume.py", "setting_text.py", "sweep.py", "tables.py", "targets_table.py",
 )  # fmt: skip
 SUFFIXES = (".py", ".glsl", ".vert", ".frag", ".geom")
 
