@@ -4,10 +4,9 @@
      "environment": {"commit", "dirty", "code", "date", "cpu", "cores", "memory_mb", "os", "python", "numpy", "numba",
                      "moderngl", "gl_renderer", "gl_version"},
      "settings": {"resolution": [width, height], "rounds", "samples", "view_angle": degrees},
-     "models": {name: {"content": sha256 of the file or "built in", "triangles", "vertices", "closed", "load_s",
-                       "build_s", "nodes", "hierarchy_bytes", "bake_s": {w_s: s}, "tile_bytes": {w_s: bytes}}},
+     "models": {name: what subject.py says of it},
      "records": [{"model", "view", "method", "r_sil", "r_inner", "w_s", "cost": {...}, "error": {...}}],
-     "paper": [...], "scaling": [...], "bounds": [...]}
+     "paper": [rows of paper_table.py], "scaling": [entries of scaling.py], "bounds": [entries of promise_check.py]}
 
 A `w_s` of 0 means: no tiles. `cost` is what measurement.py makes of a setting: "select_ms", "visibility_ms",
 "attributes_ms", "resolve_ms", "frame_ms" and "triangles_ms" as {"median", "min", "spread"} (spread: between the

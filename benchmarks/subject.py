@@ -37,7 +37,10 @@ class Subject:
     """A mesh, its two hierarchies and its tiles, each made when it is first asked for.
 
     name : of the mesh
-    info : what a run file says of it under "models"; grows with what is made
+    info : what a run file says of it under "models"; grows with what is made: "content" (sha256 of the file, or
+        "built-in"), "triangles", "vertices", "closed", "load_s"; of the hybrid hierarchy "build_s", "nodes", "leaves",
+        "hierarchy_bytes", and by w_s "bake_s" and "tile_bytes"; the same of the point hierarchy as "points_build_s",
+        "points_nodes", ...; "peak_memory_mb" of the process once they were built
     """
 
     def __init__(self, path: Path | None) -> None:
