@@ -42,10 +42,10 @@ class Plan:
     @property
     def steps(self) -> Counter[str]:
         """The work by its kinds."""
-        uncast = {setting.view for setting in self.settings if not self.truths.holds(self.views[setting.view])}
-        return Counter(
-            {RECORD: len(self.settings), CAST: len(uncast), MAP: int(bool(self.settings)), TABLE: int(self.paper)}
-        )
+        seen = {setting.view for setting in self.settings} | {view for view, _ in self.goals}
+        uncast = sum(not self.truths.holds(self.views[view]) for view in seen)
+        counts = {RECORD: len(self.settings), CAST: uncast, GOAL: len(self.goals), TABLE: int(self.paper)}
+        return Counter(counts | {MAP: int(self.plots and any(counts.values()))})
 
 
 def load_subjects(options: BenchOptions) -> list[Subject]:
@@ -77,9 +77,7 @@ def plan_of(subject: Subject, options: BenchOptions, run: Run, shader: PictureSh
     done = run.measured()
     truths = TruthCache(options.output.parent / "references", subject, shader, options.samples)
     checked = {(entry["view"], entry["goal"]) for entry in run.bounds if entry["model"] == subject.name}
-    goals = [
-        (view, goal) for view in views if everywhere for goal in GOALS if (view, describe_goal(goal)) not in checked
-    ]
+    goals = [(view, goal) for view in views for goal in GOALS if (view, describe_goal(goal)) not in checked]
     return Plan(
         subject=subject,
         views=views,

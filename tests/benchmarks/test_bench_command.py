@@ -224,8 +224,10 @@ def test_plots_lie_beside_the_run_and_a_page_is_filled_in(model, output, tmp_pat
     path, page = tmp_path / "run.json", tmp_path / "docs" / "page.md"
     shown = [each for each in SMALL if each != "--no-plots"]
     assert main(["bench", str(model), *shown, "--output", str(path)]) == 0
-    said = capsys.readouterr().out.splitlines()
+    said, progress = (text.splitlines() for text in capsys.readouterr())
     assert str(path) in said
+    # As many steps were announced as were done.
+    assert progress[-1].startswith(f"{len(progress)}/{len(progress)}  lumps.obj: heat map")
     assert (tmp_path / "plots" / "heat-map-lumps.png").stat().st_size > 1000
     page.parent.mkdir()
     page.write_text("Before\n<!-- bench:machine -->\n<!-- /bench:machine -->\nafter\n")
