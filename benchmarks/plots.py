@@ -166,11 +166,11 @@ def draw_bytes(axes: Any, points: Sequence[Point]) -> bool:
     if not curves:
         return False
     colormap = require("matplotlib", "matplotlib").colormaps["viridis"]
-    for index, (r_inner, curve) in enumerate(curves.items()):
+    for index, curve in enumerate(curves.values()):
         color = colormap(0.9 * index / max(len(curves) - 1, 1))
         axes.plot([p.tile_bytes / 1e6 for p in curve], [_error(p) for p in curve], color=color, marker="o")
-        last = curve[-1]
-        _note(axes, f"{r_inner:g} px", last.tile_bytes / 1e6, last.error, (7, -3), "left")
+    for last, text in _joined({f"{r_inner:g}": curve[-1] for r_inner, curve in curves.items()}):
+        _note(axes, f"r_inner {text}", last.tile_bytes / 1e6, last.error, (7, -3), "left")
     top = max(curves.values(), key=lambda curve: curve[0].error)
     for point in top:
         _note(axes, f"w_s {point.setting.w_s}", point.tile_bytes / 1e6, point.error, (0, 7), "center")
@@ -178,7 +178,7 @@ def draw_bytes(axes: Any, points: Sequence[Point]) -> bool:
     axes.set_xlabel("tiles of the whole model, MB")
     axes.set_ylabel("mean normal error, degrees")
     axes.set_title(_title(f"Which w_s pays for which r_inner (r_sil {R_SIL:g})", points))
-    axes.margins(x=0.12)
+    axes.margins(x=0.22)
     return True
 
 
@@ -192,6 +192,8 @@ def draw_silhouette(axes: Any, points: Sequence[Point]) -> bool:
     if not series["refined (r_sil / r_inner)"][0] or not series["one radius"][0]:
         return False
     for text, (members, color, marker) in series.items():
+        if not members:
+            continue
         surfels_only = text.startswith("surfels")
         front = pareto_front(members, _primitives, lambda p: p.displacement)
         xs, ys = [_primitives(p) for p in front], [p.displacement for p in front]
@@ -281,6 +283,18 @@ def _apart(points: Iterable[Point], x: Axis, y: Axis, factor: float = 1.2) -> li
         if all(max(x(point) / x(t), x(t) / x(point), y(point) / y(t), y(t) / y(point)) > factor for t in taken):
             taken.append(point)
     return taken
+
+
+def _joined(ends: dict[str, Point]) -> list[tuple[Point, str]]:
+    """Return where to write the names of curves: those that end at about the same place share one text."""
+    groups: list[list[str]] = []
+    for text in sorted(ends, key=lambda text: ends[text].error):
+        first = ends[groups[-1][0]] if groups else None
+        if first and first.tile_bytes == ends[text].tile_bytes and ends[text].error < 1.05 * first.error:
+            groups[-1].append(text)
+        else:
+            groups.append([text])
+    return [(ends[group[0]], ", ".join(group)) for group in groups]
 
 
 def _note(

@@ -81,12 +81,11 @@ def normal_mapping(run: Run) -> str:
     """Return what is drawn with and without normal mapping for the same mean error."""
     points = _main_points(run)
     using, without = of_method(points, "surfelscope"), of_method(points, "no tiles")
-    rows = []
-    splats = {s.error: s for s in savings(using, without, lambda p: p.splats, lambda p: p.error, DEGREES)}
-    for s in savings(using, without, lambda p: p.primitives, lambda p: p.error, DEGREES):
-        of_splats = f"{splats[s.error].factor:.1f}" if s.error in splats else ""
-        rows.append((f"{s.error:g}", _number(s.using), _number(s.without), f"{s.factor:.1f}", of_splats))
-    return table(("mean error, degrees", "with tiles", "without", "times fewer", "times fewer splats"), rows)
+    rows = [
+        (f"{s.error:g}", _number(s.using), _number(s.without), f"{s.factor:.1f}")
+        for s in savings(using, without, lambda p: p.primitives, lambda p: p.error, DEGREES)
+    ]
+    return table(("mean error, degrees", "with tiles", "without", "times fewer"), rows)
 
 
 def silhouette(run: Run) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,12 @@ def test_the_saving_is_written_beside_its_arrow(run):
     axes = Figure().subplots()
     assert plots.draw_splats(axes, points_of(run, "igea.ply"))
     assert any("times fewer at" in text for text in texts(axes))
+
+
+def test_curves_that_end_together_share_their_label(run):
+    ends = [replace(p, tile_bytes=8.0) for p in points_of(run, "igea.ply")[:3]]
+    named = {n: replace(p, error=e) for n, p, e in zip("abc", ends, (1.0, 1.04, 1.2), strict=True)}
+    assert [text for _, text in plots._joined(named)] == ["a, b", "c"]
 
 
 def test_a_heat_map_shows_where_the_error_is(tmp_path):
