@@ -35,7 +35,7 @@ def settings_of(
     swept : those of them that all settings are measured on
     closed : faces that face away can be left out
     quick : sweep in fewer steps
-    everywhere : measure the viewer's own setting and the plain triangles on all views
+    everywhere : measure the viewer's own setting on all views
     """
     names = list(views)
     points = [*(_quick() if quick else _full()), *_without_radii(closed)]
@@ -48,6 +48,12 @@ def settings_of(
         return METHODS[setting.method].points, setting.w_s, order[setting.view]
 
     return sorted(chosen, key=group)
+
+
+def is_usual(setting: Setting) -> bool:
+    """Tell whether a setting is the one that its method is compared with others by."""
+    radii = {(0.0, 0.0), (R_SIL, R_INNER), (R_SIL, R_SIL)}
+    return (setting.r_sil, setting.r_inner) in radii and setting.w_s in (0, TEXELS)
 
 
 def _full() -> Iterator[Point]:
@@ -102,4 +108,3 @@ def _without_radii(closed: bool) -> Iterator[Point]:
 
 def _own() -> Iterator[Point]:
     yield "surfelscope", R_SIL, R_INNER, TEXELS
-    yield "triangles", 0.0, 0.0, 0

@@ -22,7 +22,7 @@ from benchmarks.methods import METHODS
 from benchmarks.options import parse_bench_options
 from benchmarks.promise_check import GOALS, OF_THE_SWEEP, describe_goal
 from benchmarks.run_file import Run, Setting, read_run, write_run
-from benchmarks.sweep import settings_of
+from benchmarks.sweep import is_usual, settings_of
 from benchmarks.views import views_of
 from hierarchy.model import Mesh, ModelError
 from hierarchy.view import View
@@ -125,14 +125,15 @@ def test_an_interrupted_run_goes_on_to_the_whole(output):
 def test_every_record_has_cost_and_error(output):
     always = ["cost.frame_ms.median", "cost.triangles_ms.min", "cost.frame_over_triangles", "cost.pixels_blended",
               "cost.gpu_bytes", "cost.peak_memory_mb", "error.normal_degrees.mean", "error.silhouette.mean",
-              "error.silhouette.hausdorff", "error.iou", "error.depth_relative.p95", "error.psnr", "error.ssim",
-              "error.flip"]  # fmt: skip
+              "error.silhouette.hausdorff", "error.iou", "error.depth_relative.p95", "error.psnr",
+              "error.ssim"]  # fmt: skip
     splats = ["cost.select_ms.median", "cost.visibility_ms.median", "cost.attributes_ms.median",
               "cost.resolve_ms.spread", "cost.splats", "cost.visited_nodes"]  # fmt: skip
     for record in read_run(output).records:
         drawn = METHODS[record.setting.method].select is not None
         for name in always + (splats if drawn else []):
             assert np.isfinite(record.value(name)), (record.setting, name)
+        assert np.isfinite(record.value("error.flip")) == is_usual(record.setting)
         assert record.value("cost.splats") + record.value("cost.triangles") > 0
         assert (record.value("cost.tile_bytes") > 0) == (record.setting.w_s > 0)
 

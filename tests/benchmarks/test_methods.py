@@ -11,7 +11,7 @@ from small_models import bumpy_sphere, terrain
 
 from benchmarks.methods import METHODS, select_base
 from benchmarks.paper_table import PRINTED, normal_map_size
-from benchmarks.sweep import settings_of, swept_views
+from benchmarks.sweep import is_usual, settings_of, swept_views
 from hierarchy.build import build_hierarchy
 from hierarchy.lod import Cut, select_cut
 from hierarchy.view import look_at
@@ -114,7 +114,6 @@ def test_the_own_setting_is_measured_everywhere():
     settings = settings_of("m", VIEWS, ["front"], closed=True, quick=True, everywhere=True)
     own = {setting.view for setting in settings if (setting.r_sil, setting.r_inner, setting.w_s) == (2.0, 16.0, 16)}
     assert own == set(VIEWS)
-    assert {setting.view for setting in settings if setting.method == "triangles"} == set(VIEWS)
 
 
 def test_a_quick_sweep_is_part_of_what_a_full_one_measures():
@@ -122,6 +121,14 @@ def test_a_quick_sweep_is_part_of_what_a_full_one_measures():
     full = settings_of("m", VIEWS, VIEWS, closed=True, quick=False, everywhere=True)
     assert set(quick) <= set(full)
     assert len(full) > 5 * len(quick)
+
+
+def test_one_setting_of_each_method_is_the_usual_one():
+    settings = settings_of("m", VIEWS, ["front"], closed=True, quick=True, everywhere=False)
+    usual = [setting.method for setting in settings if is_usual(setting)]
+    assert set(usual) == set(METHODS)
+    # Without tiles the paper's single radius is usual, too.
+    assert sorted(usual) == sorted([*METHODS, "no tiles"])
 
 
 def test_sets_of_views():
