@@ -1,9 +1,10 @@
 """The shaded truth: what the viewer would show if every one of many samples a pixel were exact.
 
 Every sample is lit by the viewer's own shader, `shaders/resolve_shade.frag` with the material "clay"; the samples of a
-pixel and the background behind them are averaged in linear light, and the mean is encoded as the viewer encodes it,
-without dither. That is the viewer's picture at a multiple of the resolution, scaled down. All samples of a pixel are
-lit along the ray through its centre.
+pixel and the background behind them are averaged in linear light, and the mean is encoded and dithered as the viewer
+does it. (The dither is the same in every frame. Left out of the truth it would count as an error, 0.008 of FLIP.) It is
+the viewer's picture at a multiple of the resolution, scaled down. All samples of a pixel are lit along the ray through
+its centre.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ void main()
     vec4 sum = texelFetch(sum_light, ivec2(gl_FragCoord.xy), 0);
     vec3 behind = background(normalize(vec3((v_uv * 2.0 - 1.0) * ray_slope, -1.0)), v_uv.y);
     vec3 mean = (sum.rgb + (samples - sum.a) * linear_from_srgb(behind)) / samples;
-    out_color = vec4(sum.a > 0.0 ? srgb_from_linear(mean) : behind, 1.0);
+    out_color = vec4((sum.a > 0.0 ? srgb_from_linear(mean) : behind) + dither(gl_FragCoord.xy), 1.0);
 }
 """
 

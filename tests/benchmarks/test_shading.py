@@ -96,9 +96,10 @@ def test_one_sample_is_what_the_viewer_shows(
     shader.start(VIEW, two_sided=two_sided)
     shader.add(normal, hit, color if colored else None)
     picture = shader.picture()
-    # The viewer dithers by half a level, and its half floats are 11 bits.
+    # The viewer's half floats are 11 bits: a few levels are rounded the other way.
     difference = np.abs(picture.astype(int) - shown)
     assert difference.max() <= 1
+    assert (difference == 0).mean() > 0.95
     assert np.ptp(picture[hit]) > 100
     if not colored:
         assert np.array_equal(shader.shade(normal, hit.astype(np.float32), VIEW, two_sided=two_sided), picture)
@@ -138,7 +139,9 @@ def test_background_is_the_viewer_s_gradient_with_its_top_at_row_zero(shader: Pi
     t = 1.0 - (np.arange(HEIGHT) + 0.5) / HEIGHT
     t = (t * t * (3.0 - 2.0 * t))[:, None]
     expected = 255.0 * ((1.0 - t) * np.array(look.background_bottom) + t * np.array(look.background_top))
-    assert np.abs(background - expected[:, None]).max() <= 0.51
+    # Half a level of dither, half a level of rounding.
+    assert np.abs(background - expected[:, None]).max() <= 1.01
+    assert np.abs(background.mean(axis=1) - expected).max() <= 0.2
 
 
 def test_the_same_samples_added_again_change_nothing(shader: PictureShader) -> None:
