@@ -10,9 +10,10 @@ from hierarchy.cones import EVERYTHING, normal_cones
 from hierarchy.discs import node_discs
 from hierarchy.footprints import disc_footprints
 from hierarchy.hierarchy import NODE, SPLAT, Hierarchy
-from hierarchy.leaves import Leaves, Surfels, sort_surfels, sort_triangles
+from hierarchy.leaves import LeafShapes, Leaves, Surfels, sort_surfels, sort_triangles
 from hierarchy.model import Float32Array, Float64Array, Mesh, Model, Progress, ignore_progress
 from hierarchy.octree import MIN_LEAVES, Octree, build_octree
+from hierarchy.openings import Openings, find_openings
 from hierarchy.spreads import normal_spreads
 
 
@@ -56,6 +57,8 @@ def build_hierarchy(
     progress("Measuring footprints", 0.6)
     axes, cosines, nodes["relief"] = disc_footprints(nodes, normals, sizes[:, 1], shapes, closed=closed)
     _set_cone(nodes, "print", "print", axes, cosines)
+    progress("Looking for openings", 0.9)
+    openings = _openings(model, leaves, shapes)
     progress("Assembling", 0.95)
     radius, half_extents = _extents(leaves)
     return Hierarchy(
@@ -70,7 +73,17 @@ def build_hierarchy(
         radius=radius,
         half_extents=half_extents,
         warnings=model.warnings,
+        openings=openings,
     )
+
+
+def _openings(model: Model, leaves: Leaves, shapes: LeafShapes) -> Openings | None:
+    """Find where the backs of a mesh that is not closed can be seen; nothing is known of a point cloud's."""
+    if not isinstance(model, Mesh) or model.closed:
+        return None
+    if isinstance(leaves, Surfels):
+        return find_openings(model.positions, model.faces, shapes.centres, shapes.normals, leaves_are_faces=False)
+    return find_openings(leaves.positions, leaves.indices, shapes.centres, shapes.normals, leaves_are_faces=True)
 
 
 def _extents(leaves: Leaves) -> tuple[float, Float64Array]:

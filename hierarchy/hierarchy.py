@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from hierarchy.leaves import Leaves, Triangles
 from hierarchy.model import Float64Array, UInt8Array, UInt16Array
+from hierarchy.openings import Openings
 
 # What the selection reads of a node.
 NODE = np.dtype(
@@ -51,6 +52,7 @@ class Hierarchy:
     leaves : base primitives in Morton order; a node's leaves are a contiguous range of them. A leaf that lies in
         a node's range but in none of its children's hangs on the node itself.
     closed : the surface has an inside that no eye outside sees
+    openings : of a mesh that is not closed: where its backs can be seen; None: everywhere, or nowhere if closed
     radius : of the sphere around the model space's origin that holds every base primitive
     half_extents : float64 (3,), of the box around the origin that does
     """
@@ -66,6 +68,7 @@ class Hierarchy:
     radius: float
     half_extents: Float64Array
     warnings: tuple[str, ...] = ()
+    openings: Openings | None = None
 
     @property
     def node_count(self) -> int:
@@ -88,5 +91,5 @@ class Hierarchy:
     @property
     def nbytes(self) -> int:
         """Bytes of all arrays."""
-        arrays = [self.nodes, self.splats, self.spreads, self.colors, *vars(self.leaves).values()]
+        arrays = [self.nodes, self.splats, self.spreads, self.colors, *vars(self.leaves).values(), self.openings]
         return sum(a.nbytes for a in arrays if a is not None)

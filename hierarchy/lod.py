@@ -5,7 +5,8 @@ node's own bounding sphere subtends (the printed one stays as a switch). What fa
 cone, but what lies on the silhouette is told by the cone of the disc's footprint, and r_sil limits it only where the
 footprint leaves the disc's plane visibly (footprints.py). r_sil limits creases, too, and splats whose relief displaces
 what is seen at an angle. Added are what Algorithm 3 leaves out: frustum culling by bounding sphere, and descending
-nodes that contain the eye or reach the near plane. Leaf triangles that face away are culled one by one.
+nodes that contain the eye or reach the near plane. Leaf triangles that face away are culled one by one. What faces
+away is culled on open surfaces, too, where no opening shows it (openings.py).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.model import Float64Array, UInt32Array
 from hierarchy.view import View
+from hierarchy.visible_openings import NO_CAP_IN_VIEW, beside_caps, hidden_backs, screen_rows
 
 FRONT, SILHOUETTE, BACK = 0, 1, 2
 
@@ -41,6 +43,8 @@ PARALLAX = 2.0
 # Radius in pixels up to which a node may be drawn whose normals face all ways, on a surface that shows one side only:
 # the two sides of a thin wall, of which its disc has one and may well have the hidden one.
 BOTH_SIDES = 1.0
+
+NOTHING_BARE = np.empty(0, np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +175,15 @@ def _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed
 
 
 @nb.njit(cache=True, nogil=True)
-def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type: ignore[no-untyped-def]
-    """Traverse breadth-first; what lies on the silhouette fills its array from the front, the rest from the back."""
+def _select(nodes, positions, indices, planes, view, limits, cull_back, openings):  # type: ignore[no-untyped-def]
+    """Traverse breadth-first; what lies on the silhouette fills its array from the front, the rest from the back.
+
+    cull_back : leave out what faces away, but for bare leaves and what lies where the fronts of caps are seen
+    openings : how many bare leaves come before each, and what `beside_caps` needs
+    """
     eye, axis, near, focal, printed, _, _ = view
+    bare_before, caps, screen = openings
+    any_bare, any_cap = len(bare_before) > 0, len(caps) > 0
     triangles = len(indices) > 0
     count = len(nodes)
     leaf_total = nodes[0]["leaf_end"]
@@ -195,14 +205,16 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type
         distance2 = x * x + y * y + z * z
         facing = node["axis_x"] * x + node["axis_y"] * y + node["axis_z"] * z
         side, print_side = _classify(node, x, y, z, facing, distance2, sphere, view)
-        if side == BACK and cull_back:
+        depth = x * axis[0] + y * axis[1] + z * axis[2]
+        hides_backs = cull_back and (side == FRONT or not any_cap or beside_caps(caps, screen, x, y, z, depth, sphere))
+        one_sided = hides_backs and not (any_bare and bare_before[node["leaf_begin"]] < bare_before[node["leaf_end"]])
+        if side == BACK and one_sided:
             continue
         silhouette = print_side == SILHOUETTE
         # Draw the node's splat where it is small enough; a node that reaches the near plane or the eye never is.
-        depth = x * axis[0] + y * axis[1] + z * axis[2]
         if depth - sphere > near and distance2 > sphere * sphere:
             pixels = focal / depth
-            limit = _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed, cull_back)
+            limit = _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed, one_sided)
             if node["radius"] * pixels <= limit:
                 if silhouette:
                     splats[sil_splats] = index
@@ -219,7 +231,8 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back):  # type
             for leaf in range(begin, end):
                 if triangles:
                     a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
-                    if cull_back and _faces_away(positions, a, b, c, eye):
+                    bare = any_bare and bare_before[leaf] < bare_before[leaf + 1]
+                    if hides_backs and not bare and _faces_away(positions, a, b, c, eye):
                         continue
                     if silhouette:
                         slot = sil_triangles
@@ -282,6 +295,8 @@ def select_cut(
         math.sin(view.view_angle),
         math.cos(view.view_angle),
     )
+    cull_back, caps = (not two_sided, NO_CAP_IN_VIEW) if hierarchy.closed else hidden_backs(hierarchy, view)
+    bare_before = NOTHING_BARE if hierarchy.openings is None else hierarchy.openings.bare_before
     splats, drawn, sil_splats, inner_splats, sil_triangles, inner_triangles, visited = _select(
         hierarchy.nodes,
         leaves.positions,
@@ -289,7 +304,8 @@ def select_cut(
         frustum_planes(view),
         eye_and_test,
         (float(r_sil), float(r_inner)),
-        hierarchy.closed and not two_sided,
+        cull_back,
+        (bare_before, caps, screen_rows(view)),
     )
     return Cut(
         splats=np.concatenate([splats[:sil_splats], splats[inner_splats:]]),

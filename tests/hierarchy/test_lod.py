@@ -9,7 +9,7 @@ from brute_selection import clip_planes, select, side_as_printed, side_of_cone
 from brute_visibility import visible_discs, visible_triangles
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from small_models import box, bumpy_sphere, cloud_of, mesh_of, surfel_sphere, terrain, thin_sheet
+from small_models import box, bumpy_sphere, cloud_of, icosphere, mesh_of, surfel_sphere, terrain, thin_sheet
 
 from hierarchy.build import build_hierarchy
 from hierarchy.cones import EVERYTHING
@@ -29,9 +29,18 @@ from hierarchy.lod import (
 )
 from hierarchy.view import look_at
 
+
+def open_sphere():
+    """Return a bumpy sphere with holes that one can look into."""
+    mesh = bumpy_sphere(5)
+    x, y, z = mesh.positions[mesh.faces].mean(axis=1).T
+    return mesh_of(mesh.positions, mesh.faces[(z < 0.6) & (np.abs(x - 0.5) + np.abs(y + 0.5) > 0.35)])
+
+
 MODELS = {
     "bumpy sphere": lambda: bumpy_sphere(3),
     "box": box,
+    "open sphere": open_sphere,
     "terrain": lambda: terrain(6),
     "thin sheet": lambda: thin_sheet(5),
     "one triangle": lambda: mesh_of([[0, 0, 0], [1, 0, 0], [0, 2, 1]], [[0, 1, 2]]),
@@ -137,15 +146,15 @@ def test_cuts_are_those_of_the_plain_algorithm(name, kind, seed, radii, two_side
     assert cut.silhouette_count == sum(expected.nodes.values()) + sum(expected.leaves.values())
 
 
-@settings(derandomize=True, deadline=None, max_examples=80)
-@given(kinds, seeds, radii, st.booleans(), st.booleans())
-def test_no_visible_triangle_is_culled(kind, seed, radii, two_sided, printed):
-    hierarchy = built("bumpy sphere")
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(st.sampled_from(["bumpy sphere", "open sphere"]), kinds, seeds, radii, st.booleans(), st.booleans())
+def test_no_visible_triangle_is_culled(name, kind, seed, radii, two_sided, printed):
+    hierarchy = built(name)
     view = view_of(hierarchy, kind, seed, resolution=(20, 16))
     leaves = hierarchy.leaves
     corners = leaves.positions[leaves.indices].astype(float)
     visible = visible_triangles(corners, view)
-    if not two_sided:
+    if hierarchy.closed and not two_sided:
         # From inside, too, only fronts are drawn.
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         visible &= ((corners[:, 0] - view.eye) * normals).sum(axis=1) < 0.0
@@ -168,8 +177,8 @@ def test_no_visible_surfel_is_culled(name, kind, seed, radii):
 
 
 @pytest.mark.parametrize("name", ["terrain", "cloud", "thin sheet"])
-def test_open_surfaces_are_never_culled_for_facing_away(name):
-    hierarchy = built(name)
+def test_nothing_is_culled_where_openings_are_not_known(name):
+    hierarchy = dataclasses.replace(built(name), openings=None)
     for seed in range(20):
         view = view_of(hierarchy, "outside", seed)
         times = coverage(hierarchy, select_cut(hierarchy, view, 1.0, 8.0))
@@ -180,6 +189,26 @@ def test_open_surfaces_are_never_culled_for_facing_away(name):
         assert inside.any()
         assert (times[inside] == 1).all()
         assert (times <= 1).all()
+
+
+@pytest.mark.parametrize("points", [False, True])
+def test_an_open_surface_seen_beside_its_openings_is_drawn_as_a_closed_one(points):
+    mesh = icosphere(24)
+    above = mesh.positions[mesh.faces].mean(axis=1)[:, 2] > -0.97
+    opened = build_hierarchy(mesh_of(mesh.positions, mesh.faces[above], normals=mesh.normals), points=points)
+    assert not opened.closed
+    view = look_at((0, 0, 4), (0, 0, 0), (0, 1, 0), 0.6, (400, 400), bounds=opened.bounds)
+    cuts = [
+        select_cut(hierarchy, view, 0.5, 8.0, two_sided=two_sided)
+        for hierarchy in (dataclasses.replace(opened, closed=True), opened)
+        for two_sided in (False, True)
+    ]
+    # Lighting from both sides draws more of a closed surface, but not of this one.
+    closed, both, one_sided, two_sided = cuts
+    np.testing.assert_array_equal(one_sided.splats, closed.splats)
+    np.testing.assert_array_equal(one_sided.indices, closed.indices)
+    np.testing.assert_array_equal(two_sided.splats, closed.splats)
+    assert both.splat_count + both.triangle_count > 1.5 * (closed.splat_count + closed.triangle_count)
 
 
 def test_two_sided_draws_both_sides_of_a_closed_surface():
@@ -247,7 +276,7 @@ def test_larger_radii_draw_no_more(name):
         counts = []
         for r in (0.0, 0.5, 1.0, 2.0, 5.0, 12.0, 30.0, 100.0):
             # Nothing culled for facing away: one splat can replace leaves of which none was left.
-            cut = select_cut(hierarchy, view, r, 4.0 * r, two_sided=True)
+            cut = select_cut(dataclasses.replace(hierarchy, openings=None), view, r, 4.0 * r, two_sided=True)
             counts.append((cut.splat_count + cut.triangle_count, cut.visited_nodes))
         assert counts == sorted(counts, reverse=True)
 

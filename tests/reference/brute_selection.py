@@ -1,7 +1,8 @@
 """Algorithm 3 in plain Python with angles, node by node.
 
 Based on Holst and Schumann, "Normal Mapping for Surfel-Based Rendering" (2007), section 5, with the departures that
-hierarchy/lod.py states. Nothing is shared with it but its constants.
+hierarchy/lod.py states. Nothing is shared with it but its constants, and the cells of the picture in which the fronts
+of caps are seen, which have tests of their own.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.lod import BACK, BENT_COSINE, BOTH_SIDES, FRONT, PARALLAX, RELIEF_OF_R_SIL, SILHOUETTE
 from hierarchy.view import View
+from hierarchy.visible_openings import GRID, hidden_backs
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -94,7 +96,11 @@ def select(
     """Choose what draws a view, as `hierarchy.lod.select_cut` does."""
     nodes, selection = hierarchy.nodes, Selection()
     planes, ahead = clip_planes(view), -view.eye_from_model[2, :3]
-    cull_back = hierarchy.closed and not two_sided
+    cull_back, caps = not two_sided, np.zeros((GRID, GRID), np.bool_)
+    if not hierarchy.closed:
+        cull_back, sums = hidden_backs(hierarchy, view)
+        caps = np.diff(np.diff(sums, axis=0), axis=1) > 0 if len(sums) else caps
+    bare = bare_leaves(hierarchy)
     waiting = [0]
     while waiting:
         index = waiting.pop()
@@ -109,7 +115,9 @@ def select(
             side = side_of_cone(vector(node, "axis_"), own, to_centre, sphere)
             print_side = side_of_cone(vector(node, "print_"), print_, to_centre, sphere)
         outside = (planes[:, :3] @ centre + planes[:, 3] < -sphere).any()
-        if outside or (side == BACK and cull_back):
+        hides_backs = cull_back and (side == FRONT or not caps[cells_of_sphere(view, centre, sphere)].any())
+        one_sided = hides_backs and not bare[node["leaf_begin"] : node["leaf_end"]].any()
+        if outside or (side == BACK and one_sided):
             selection.culled.update(range(node["leaf_begin"], node["leaf_end"]))
             continue
         silhouette = print_side == SILHOUETTE
@@ -124,7 +132,7 @@ def select(
                 fine = (silhouette or bent) and relief > RELIEF_OF_R_SIL * r_sil
                 fine = fine or relief * math.sin(tilt) > PARALLAX
             limit = r_sil if fine else r_inner
-            if cull_back and not printed_cone_test and own >= math.pi / 2:
+            if one_sided and not printed_cone_test and own >= math.pi / 2:
                 limit = min(limit, BOTH_SIDES)
             if float(node["radius"]) * pixels <= limit:
                 selection.nodes[index] = silhouette
@@ -133,11 +141,33 @@ def select(
         waiting += children
         below = {leaf for child in children for leaf in range(nodes[child]["leaf_begin"], nodes[child]["leaf_end"])}
         for leaf in set(range(node["leaf_begin"], node["leaf_end"])) - below:
-            if cull_back and isinstance(hierarchy.leaves, Triangles) and faces_away(hierarchy.leaves, leaf, view.eye):
+            triangles = hierarchy.leaves if isinstance(hierarchy.leaves, Triangles) else None
+            if hides_backs and not bare[leaf] and triangles is not None and faces_away(triangles, leaf, view.eye):
                 selection.culled.add(leaf)
             else:
                 selection.leaves[leaf] = silhouette
     return selection
+
+
+def bare_leaves(hierarchy: Hierarchy) -> npt.NDArray[np.bool_]:
+    """Return which leaves are never culled for facing away, bool (N,)."""
+    if hierarchy.openings is None or len(hierarchy.openings.bare_before) == 0:
+        return np.zeros(hierarchy.leaf_count, np.bool_)
+    return np.diff(hierarchy.openings.bare_before) > 0
+
+
+def cells_of_sphere(view: View, centre: Float64Array, sphere: float) -> tuple[slice, slice]:
+    """Return the rows and columns of the grid that can show some of a sphere: those of the box around it."""
+    x, y, z = view.eye_from_model[:3, :3] @ centre + view.eye_from_model[:3, 3]
+    if -z <= sphere:
+        return slice(0, GRID), slice(0, GRID)
+    slices = []
+    half_height = math.tan(0.5 * view.view_angle)
+    for middle, half in ((y, half_height), (x, half_height * view.width / view.height)):
+        ends = [(middle + s) / ((-z + t) * half) for s in (-sphere, sphere) for t in (-sphere, sphere)]
+        first, last = (int(np.clip(np.floor(0.5 * GRID * (1.0 + end)), 0, GRID - 1)) for end in (min(ends), max(ends)))
+        slices.append(slice(first, last + 1))
+    return slices[0], slices[1]
 
 
 def faces_away(triangles: Triangles, leaf: int, eye: Float64Array) -> bool:
