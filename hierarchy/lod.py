@@ -281,7 +281,9 @@ def select_cut(
     """Choose the splats and leaf triangles that draw a view.
 
     r_sil, r_inner : largest radius in pixels of a splat on the silhouette and off it, >= 0
-    two_sided : draw what faces away from the eye, too; it always is drawn where the model is not closed
+    two_sided : draw what faces away from the eye on a closed surface, too. On an open one it makes no difference: what
+        faces away is drawn where an eye outside can see it in the openings, and all of it where the eye may be inside
+        or the openings are not known (point clouds)
     printed_cone_test : classify by the test as printed in the paper, and limit every silhouette surfel by r_sil
     """
     leaves = hierarchy.leaves

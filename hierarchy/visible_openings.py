@@ -59,13 +59,10 @@ def screen_rows(view: View) -> Float64Array:
 def _may_be_inside(hierarchy: Hierarchy, eye: Float64Array) -> bool:
     """Tell whether the winding number of the surface and its caps is positive at the eye, or at a place beside it."""
     assert hierarchy.openings is not None
-    if np.linalg.norm(eye) > (1.0 + ON_SURFACE) * hierarchy.radius:
-        return False
-    leaves = hierarchy.leaves
+    leaves, tolerance = hierarchy.leaves, ON_SURFACE * hierarchy.radius
     if not isinstance(leaves, Triangles):
         # Discs do not join up to a surface that has an inside.
-        return True
-    tolerance = ON_SURFACE * hierarchy.radius
+        return bool(np.linalg.norm(eye) <= hierarchy.radius + tolerance)
     caps = hierarchy.openings.caps
     return bool(_largest_winding(hierarchy.nodes, leaves.positions, leaves.indices, caps, eye, tolerance) > 0)
 
