@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from hierarchy.model import Float64Array, Int32Array
 
-# Long triangles enter many cells. Beyond this many entries a triangle the grid is made coarser.
+# Long triangles enter many cells. Beyond this many entries a triangle, or a query, the grid is made coarser.
 MOST_ENTRIES = 16
 # Cells along one side at most: 4M cells.
 MOST_CELLS = 2048
@@ -37,19 +37,23 @@ class Cells:
     side: int
 
 
-def sort_into_cells(points: Float64Array, faces: Int32Array) -> Cells:
-    """Return the cells that each of faces (T, 3) over points (V, 3) meets; T > 0."""
+def sort_into_cells(points: Float64Array, faces: Int32Array, queries: int) -> Cells:
+    """Return the cells that each of faces (T, 3) over points (V, 3) meets; T > 0.
+
+    queries : how often cells are going to be looked at, all over the model: the more, the finer they may be
+    """
     used = points[faces.ravel(), :2]
     low = used.min(axis=0)
     extent = max(float((used.max(axis=0) - low).max()), 1e-300)
-    # Some two triangles a cell and layer of the surface.
-    side = int(min(max(math.sqrt(0.5 * len(faces)), 1.0), MOST_CELLS))
+    # Some two triangles, or queries, a cell and layer of the surface.
+    count = max(len(faces), queries)
+    side = int(min(max(math.sqrt(0.5 * count), 1.0), MOST_CELLS))
     nothing = np.empty(0, np.int32)
     while True:
         cursors = np.zeros(side * side, np.int64)
         _visit(points, faces, low, side / extent, side, cursors, nothing)
         starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(cursors)])
-        if side == 1 or starts[-1] <= MOST_ENTRIES * len(faces):
+        if side == 1 or starts[-1] <= MOST_ENTRIES * count:
             break
         side //= 2
     items = np.empty(starts[-1], np.int32)

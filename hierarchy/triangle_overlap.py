@@ -24,7 +24,7 @@ def pass_through(
     points, other_points : float64 (V, 3)
     tolerance : a length; triangles that reach no deeper than this through each other only touch
     """
-    cells = sort_into_cells(other_points, others)
+    cells = sort_into_cells(other_points, others, len(faces))
     grid = (cells.starts, cells.items, cells.low, cells.scale, cells.side)
     through: BoolArray = _pass_through(points, faces, other_points, others, grid, tolerance)
     return through

@@ -43,7 +43,7 @@ def winding_numbers(points: Float64Array, faces: Int32Array, at: Float64Array) -
     points : float64 (V, 3), turned; faces : int32 (T, 3) with T > 0, one index for corners at one place
     at : float64 (N, 3), turned, not on the surface
     """
-    cells = sort_into_cells(points, faces)
+    cells = sort_into_cells(points, faces, len(at))
     numbers: Int32Array = _winding_numbers(
         points, faces, cells.starts, cells.items, cells.low, cells.scale, cells.side, at
     )
