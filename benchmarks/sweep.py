@@ -69,6 +69,9 @@ def _full() -> Iterator[Point]:
         yield "surfelscope", radius, radius, _texels_of(radius)
     for r_sil in (3.0, 4.0, 6.0):
         yield "surfelscope", r_sil, 32.0, TEXELS
+    # As few splats as will do, down to a thousand.
+    for r_sil in (8.0, 10.0, 13.0, 16.0, 24.0):
+        yield "surfelscope", r_sil, 64.0, TEXELS
     for r_inner in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0):
         yield "no tiles", min(R_SIL, r_inner), r_inner, 0
     for radius in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0):
@@ -86,6 +89,8 @@ def _quick() -> Iterator[Point]:
             yield "surfelscope", R_SIL, r_inner, texels
     for r_sil in (4.0, 6.0):
         yield "surfelscope", r_sil, 32.0, TEXELS
+    for r_sil in (10.0, 13.0):
+        yield "surfelscope", r_sil, 64.0, TEXELS
     for radius in (4.0, 16.0):
         yield "surfelscope", radius, radius, _texels_of(radius)
     for r_inner in (1.0, 2.0, 4.0, 8.0, 16.0):
