@@ -13,9 +13,10 @@ from hierarchy.lod import Cut, select_cut
 from hierarchy.promises import promised_errors
 from hierarchy.view import View
 
-# What the radii are chosen from, in pixels. Splats smaller than a pixel do not show.
+# What the radii are chosen from, in pixels. Splats smaller than a pixel do not show; silhouette splats larger than the
+# largest open holes, which no promise covers.
 INNER_RADII = (64.0, 48.0, 32.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.0)
-SILHOUETTE_RADII = (32.0, 24.0, 16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.5, 3.0, 2.5, 2.0, 1.75, 1.5, 1.25, 1.0)
+SILHOUETTE_RADII = (5.0, 4.5, 4.0, 3.5, 3.0, 2.5, 2.0, 1.75, 1.5, 1.25, 1.0)
 # A smaller tile is taken where its cut has no more than this many times the primitives: it bakes and stores faster.
 WORTH = 1.15
 

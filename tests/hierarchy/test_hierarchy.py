@@ -6,11 +6,12 @@ from small_models import bumpy_sphere, icosphere, mesh_of, surfel_sphere
 
 from hierarchy.build import build_hierarchy
 from hierarchy.hierarchy import NODE, SPLAT
+from hierarchy.spreads import SCALES
 
 
 def test_records_have_no_padding():
-    # The GPU reads a splat as two RGBA32F texels; a node is read as 4-byte numbers only.
-    assert SPLAT.itemsize == 32
+    # The GPU reads a splat as three RGBA32F texels; a node is read as 4-byte numbers only.
+    assert SPLAT.itemsize == 48
     assert [SPLAT.fields[name][1] for name in ("centre", "radius", "normal", "thickness")] == [0, 12, 16, 28]
     assert NODE.itemsize == 4 * len(NODE.names)
     assert {NODE[name] for name in NODE.names} == {np.dtype("f4"), np.dtype("i4")}
@@ -40,9 +41,10 @@ def test_bytes_are_counted():
     )
     hierarchy = build_hierarchy(model)
     vertices, triangles, nodes = len(model.positions), len(model.faces), hierarchy.node_count
-    expected = nodes * (NODE.itemsize + SPLAT.itemsize + 4) + vertices * (12 + 12 + 4) + triangles * 12
+    expected = nodes * (NODE.itemsize + SPLAT.itemsize + 2 * SCALES + 4) + vertices * (12 + 12 + 4) + triangles * 12
     assert hierarchy.nbytes == expected
     without = build_hierarchy(mesh_of(model.positions, model.faces))
     assert without.nbytes == expected - 4 * nodes - 4 * vertices
     cloud = build_hierarchy(surfel_sphere(100))
-    assert cloud.nbytes == cloud.node_count * NODE.itemsize + len(cloud.splats) * SPLAT.itemsize + 100 * 28
+    nodes = cloud.node_count * (NODE.itemsize + 2 * SCALES)
+    assert cloud.nbytes == nodes + len(cloud.splats) * SPLAT.itemsize + 100 * 28

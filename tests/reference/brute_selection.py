@@ -16,7 +16,16 @@ import numpy.typing as npt
 from hierarchy.cones import EVERYTHING
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
-from hierarchy.lod import BACK, BENT_COSINE, BOTH_SIDES, FRONT, PARALLAX, RELIEF_OF_R_SIL, SILHOUETTE
+from hierarchy.lod import (
+    BACK,
+    BENT_COSINE,
+    BOTH_SIDES,
+    FRONT,
+    PARALLAX,
+    PARALLAX_OF_R_SIL,
+    RELIEF_OF_R_SIL,
+    SILHOUETTE,
+)
 from hierarchy.view import View
 from hierarchy.visible_openings import GRID, hidden_backs
 
@@ -130,7 +139,7 @@ def select(
                 relief = float(node["relief"]) * pixels
                 tilt = math.acos(np.clip(vector(node, "axis_") @ to_centre / np.linalg.norm(to_centre), -1.0, 1.0))
                 fine = (silhouette or bent) and relief > RELIEF_OF_R_SIL * r_sil
-                fine = fine or relief * math.sin(tilt) > PARALLAX
+                fine = fine or relief * math.sin(tilt) > max(PARALLAX, PARALLAX_OF_R_SIL * r_sil)
             limit = r_sil if fine else r_inner
             if one_sided and not printed_cone_test and own >= math.pi / 2:
                 limit = min(limit, BOTH_SIDES)
