@@ -11,7 +11,7 @@ from collections import deque
 from statistics import median, median_low
 
 # From a radius of 2 pixels to 32; what is coarser still is no picture of the model.
-MAX_COARSENESS = 16.0
+MAX_COARSENESS = 8.0
 
 # Detail is lowered above 1.1 of the goal, raised below 0.75 of it, and both aim between: what a step misses by, and the
 # next frames' noise, stay inside.

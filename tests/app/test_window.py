@@ -222,7 +222,7 @@ def test_rate_is_held_while_moving_and_detail_returns_at_rest(window):
     before = window.frames[-1]
     # The slider's right end: 120 frames a second.
     window.do("mousemove", *RATE_GOAL, "click", 1, draws=False)
-    window.do("mousemove", WINDOW[0] - 18, RATE_GOAL[1], "click", 1, "mousemove", *MIDDLE, draws=False)
+    window.do("mousemove", WINDOW[0] - 32, RATE_GOAL[1], "click", 1, "mousemove", *MIDDLE, draws=False)
     still = len(window.frames)
     turns = ("mousemove_relative", "--", 4, 0, "sleep", 0.03, "mousemove_relative", "--", -4, 0, "sleep", 0.03)
     last = window.do("mousedown", 1, *(turns * 25), "mouseup", 1)

@@ -133,11 +133,17 @@ def test_mean_is_that_of_both_directions_and_weighted_by_length() -> None:
     assert 15.0 < moved.p95 < 25.0
 
 
-def test_rims_of_holes_are_outline() -> None:
-    reference = disc_coverage(RADIUS)
-    picture = reference.copy()
-    picture[64, 64] = 0.0
-    assert displacement(picture, reference).hausdorff == pytest.approx(RADIUS, abs=1.0)
+def test_rims_of_holes_are_outline_where_the_reference_has_them_too() -> None:
+    disc = disc_coverage(RADIUS)
+    pierced = disc - disc_coverage(6.0)
+    # Closed in the picture: the reference's rim is missing.
+    assert displacement(disc, pierced).hausdorff == pytest.approx(RADIUS - 6.0, abs=0.2)
+    # Only in the picture: that is a hole, not a displaced outline.
+    assert displacement(pierced, disc) == displacement(disc, disc)
+    # A notch is no hole.
+    notched = disc.copy()
+    notched[64, 64:] = 0.0
+    assert displacement(notched, disc).hausdorff == pytest.approx(RADIUS, abs=1.0)
 
 
 def test_without_outlines_on_both_sides_there_is_nothing_to_measure() -> None:
