@@ -83,6 +83,7 @@ def _facing(centres, normals, eye, first) -> UInt32Array:  # type: ignore[no-unt
 
 METHODS = {
     "surfelscope": Method("silhouette-refined selection, normal tiles, blended quads", _select),
+    "not blended": Method("the same in one pass: the nearest splat shows", _select, Settings(blending=False)),
     "no tiles": Method("the same without normal mapping", _select, FLAT, tiles=False),
     "one radius": Method(
         "selection by one radius as in QSplat (Rusinkiewicz and Levoy 2000) over surfels only, no tiles",

@@ -70,13 +70,14 @@ def _full() -> Iterator[Point]:
     for r_sil in (3.0, 4.0, 6.0):
         yield "surfelscope", r_sil, 32.0, TEXELS
     # As few splats as will do, down to a thousand.
-    for r_sil in (8.0, 10.0, 13.0, 16.0, 24.0):
+    for r_sil in (7.0, 8.0, 10.0, 13.0, 16.0, 24.0):
         yield "surfelscope", r_sil, 64.0, TEXELS
     for r_inner in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0):
         yield "no tiles", min(R_SIL, r_inner), r_inner, 0
     for radius in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0):
         yield "one radius", radius, radius, 0
-    for r_inner in (8.0, 16.0, 32.0):
+    for r_inner in (8.0, 16.0, 24.0, 32.0):
+        yield "not blended", R_SIL, r_inner, TEXELS
         yield "point sprites", R_SIL, r_inner, TEXELS
         yield "printed cone test", R_SIL, r_inner, TEXELS
 
@@ -89,8 +90,11 @@ def _quick() -> Iterator[Point]:
             yield "surfelscope", R_SIL, r_inner, texels
     for r_sil in (4.0, 6.0):
         yield "surfelscope", r_sil, 32.0, TEXELS
-    for r_sil in (10.0, 13.0):
+    for r_sil in (7.0, 8.0, 10.0):
         yield "surfelscope", r_sil, 64.0, TEXELS
+    yield "surfelscope", 1.75, 32.0, TEXELS
+    for r_inner in (16.0, 24.0):
+        yield "not blended", R_SIL, r_inner, TEXELS
     for radius in (4.0, 16.0):
         yield "surfelscope", radius, radius, _texels_of(radius)
     for r_inner in (1.0, 2.0, 4.0, 8.0, 16.0):

@@ -7,7 +7,7 @@ import pytest
 from small_models import icosphere, surfel_sphere
 
 from hierarchy.build import build_hierarchy
-from hierarchy.goals import INNER_RADII, SILHOUETTE_RADII, Detail, ErrorGoal, detail_for_goal, promise_of_cut
+from hierarchy.goals import INNER_RADII, SILHOUETTE_RADII, WORTH, Detail, ErrorGoal, detail_for_goal, promise_of_cut
 from hierarchy.lod import Cut, select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.promises import LEAST_DEGREES, LEAST_PIXELS, promised_errors
@@ -95,7 +95,8 @@ def test_who_allows_more_draws_less(rock):
     view = view_of(rock, size=1024)
     goals = [ErrorGoal(degrees, pixels) for degrees, pixels in ((0.7, 0.3), (1.0, 0.4), (2.0, 0.6), (4.0, 1.0))]
     counts = [primitives(rock, view, detail_for_goal(rock, view, goal, texels=TEXELS)[0]) for goal in goals]
-    assert counts == sorted(counts, reverse=True)
+    # A smaller tile may be worth a few more splats.
+    assert all(fewer <= WORTH * more for more, fewer in pairwise(counts))
     assert counts[0] > 1.2 * counts[-1]
 
 
