@@ -67,7 +67,7 @@ def _full() -> Iterator[Point]:
     # Without silhouette refinement: one radius, with tiles.
     for radius in (3.0, 4.0, 6.0, 8.0, 16.0):
         yield "surfelscope", radius, radius, _texels_of(radius)
-    for r_sil in (3.0, 4.0, 6.0):
+    for r_sil in (1.75, 3.0, 4.0, 6.0):
         yield "surfelscope", r_sil, 32.0, TEXELS
     # As few splats as will do, down to a thousand.
     for r_sil in (7.0, 8.0, 10.0, 13.0, 16.0, 24.0):

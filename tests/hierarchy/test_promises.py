@@ -1,6 +1,7 @@
 """What is promised of a cut: laws. On pictures promises are tested in tests/renderer/test_promised_errors.py."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
