@@ -54,9 +54,8 @@ def draw_heat_map(path: Path, shaded: UInt8Array, degrees: Float32Array, title: 
         figure.savefig(buffer, format="png", dpi=110, facecolor="white", bbox_inches="tight", pad_inches=0.05)
     finally:
         pyplot.close(figure)
-    # A palette takes a third of the bytes, and nobody sees the difference.
     with Image.open(buffer) as picture:
-        picture.convert("RGB").quantize(256).save(path, format="png", optimize=True)
+        picture.convert("RGB").save(path, format="png", optimize=True)
 
 
 def _part(degrees: Float32Array) -> tuple[slice, slice]:

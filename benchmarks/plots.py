@@ -34,6 +34,7 @@ BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE, GREY = (
 # Colour and marker of every method; one that is missing here is drawn in grey.
 STYLES = {
     "surfelscope": (BLUE, "o"),
+    "not blended": (BLUE, "d"),
     "no tiles": (ORANGE, "s"),
     "one radius": (GREEN, "^"),
     "base surfels flat": (PURPLE, "P"),

@@ -72,7 +72,7 @@ def _full() -> Iterator[Point]:
     # As few splats as will do, down to a thousand.
     for r_sil in (7.0, 8.0, 10.0, 13.0, 16.0, 24.0):
         yield "surfelscope", r_sil, 64.0, TEXELS
-    for r_inner in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0):
+    for r_inner in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0):
         yield "no tiles", min(R_SIL, r_inner), r_inner, 0
     for radius in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0):
         yield "one radius", radius, radius, 0
@@ -95,11 +95,11 @@ def _quick() -> Iterator[Point]:
     yield "surfelscope", 1.75, 32.0, TEXELS
     for r_inner in (16.0, 24.0):
         yield "not blended", R_SIL, r_inner, TEXELS
-    for radius in (4.0, 16.0):
+    for radius in (4.0, 6.0, 8.0, 16.0):
         yield "surfelscope", radius, radius, _texels_of(radius)
-    for r_inner in (1.0, 2.0, 4.0, 8.0, 16.0):
+    for r_inner in (1.0, 4.0, 5.0, 6.0, 8.0, 16.0):
         yield "no tiles", min(R_SIL, r_inner), r_inner, 0
-    for radius in (1.0, 2.0, 4.0):
+    for radius in (2.0, 4.0, 6.0, 8.0):
         yield "one radius", radius, radius, 0
     yield "point sprites", R_SIL, R_INNER, TEXELS
     yield "printed cone test", R_SIL, R_INNER, TEXELS
