@@ -20,7 +20,7 @@ from benchmarks.reference import Reference, cast
 from hierarchy.model import BoolArray, Float32Array, Float64Array, Mesh, UInt8Array
 from hierarchy.view import View
 from renderer.programs import GLSL_VERSION, shader_source
-from renderer.resolve_passes import UNITS, _shading
+from renderer.resolve_passes import UNITS, shading_uniforms
 from renderer.settings import Settings
 from renderer.splat_passes import set_uniforms
 
@@ -85,7 +85,7 @@ class PictureShader:
             self._target = _Target(self._ctx, size)
         self._target.light.clear()
         self._view, self._samples = view, 0
-        self._uniforms = _shading(view, Settings(two_sided=two_sided), True)
+        self._uniforms = shading_uniforms(view, Settings(two_sided=two_sided), True)
 
     def add(self, normal: Float32Array, hit: BoolArray, color: Float32Array | None = None) -> None:
         """Add one sample of every pixel.

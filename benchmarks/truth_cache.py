@@ -16,7 +16,14 @@ from benchmarks.subject import Subject
 from hierarchy.view import View
 
 # The code that decides what a reference holds.
-CASTING = ("benchmarks/rays.py", "benchmarks/reference.py", "benchmarks/shading.py", "shaders/**/*.*")
+CASTING = (
+    "benchmarks/rays.py",
+    "benchmarks/reference.py",
+    "benchmarks/shading.py",
+    "renderer/resolve_passes.py",
+    "renderer/settings.py",
+    "shaders/**/*.*",
+)
 
 
 class TruthCache:

@@ -73,7 +73,7 @@ class Resolve:
         ground : height of the ground along settings.ground_up and radius of the model, model space
         box : left, top, right and bottom of the pixels in which the model lies; cracks are looked for there only
         """
-        uniforms = self._bind(targets) | _shading(view, settings, has_colors) | _ground(view, settings, ground)
+        uniforms = self._bind(targets) | shading_uniforms(view, settings, has_colors) | _ground(view, settings, ground)
         kinds = _kinds(targets)
         if settings.material in MATCAPS:
             self._matcap(settings.material).use(MATCAP_UNIT)
@@ -145,7 +145,8 @@ def _kinds(targets: Targets) -> set[str]:
     return {name.upper() for name in targets.sums if name != "normal"}
 
 
-def _shading(view: View, settings: Settings, has_colors: bool) -> dict[str, object]:
+def shading_uniforms(view: View, settings: Settings, has_colors: bool) -> dict[str, object]:
+    """Return what the shaders need of a view and its settings to shade a pixel."""
     # A matcap is the whole material; only the model's own colours tint it.
     plain = (1.0, 1.0, 1.0) if settings.material in MATCAPS else tuple(c**2.2 for c in settings.base_color)
     tangent = math.tan(0.5 * view.view_angle)
