@@ -10,7 +10,7 @@ import math
 from collections import deque
 from statistics import median, median_low
 
-# From a radius of 2 pixels to 32; what is coarser still is no picture of the model.
+# From a radius of 2 pixels to 16; what is coarser still is no picture of the model.
 MAX_COARSENESS = 8.0
 
 # Detail is lowered above 1.1 of the goal, raised below 0.75 of it, and both aim between: what a step misses by, and the

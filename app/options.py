@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -90,7 +90,7 @@ def parse_options(arguments: Sequence[str]) -> Options:
     return options
 
 
-def _check_alone(values: Collection[str]) -> None:
+def _check_alone(values: Mapping[str, object]) -> None:
     """Refuse an error goal beside what it decides."""
     decided = {"r_sil": "--r-sil", "r_inner": "--r-inner", "texels": "--w-s"}
     given = [option for name, option in decided.items() if name in values]
@@ -98,6 +98,8 @@ def _check_alone(values: Collection[str]) -> None:
         raise UsageError(f"--max-error decides about {' and '.join(given)} itself: give the one or the other")
     if "normal_mapping" in values:
         raise UsageError("--max-error counts on the normal tiles: it does not go with --no-normal-mapping")
+    if values.get("printed_cone_test"):
+        raise UsageError("--max-error counts on the program's own test: it does not go with --cone-test printed")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -210,7 +212,7 @@ def _add_comparison_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--cone-test", dest="printed_cone_test", action=_IsPrinted, choices=("own", "printed"),
-        help="tell the silhouette by each node's own cone, or by the test as printed (own)",
+        help="tell the silhouette by this program's own test, or by the one printed in the paper (own)",
     )  # fmt: skip
 
 

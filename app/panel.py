@@ -136,7 +136,11 @@ def _goals(state: ViewerState, scale: float) -> None:
     imgui.end_disabled()
     steered = state.steered
     if state.limit_error and steered is not None:
-        _promise(steered.promise, (state.max_degrees, state.max_pixels))
+        _promise(
+            steered.promise,
+            (state.max_degrees, state.max_pixels),
+            "promised at rest" if state.hold_rate else "promised",
+        )
     _, state.hold_rate = imgui.checkbox("Hold", state.hold_rate)
     _hint("Draws coarser while the camera moves, so that a frame takes no longer; in full detail when it rests")
     imgui.same_line(GOAL_COLUMN * scale)
@@ -149,13 +153,13 @@ def _goals(state: ViewerState, scale: float) -> None:
         _row("while moving", f"coarsened × {steered.coarseness:.1f}" if coarser else "full detail")
 
 
-def _promise(promise: tuple[float, float] | None, goal: tuple[float, float]) -> None:
+def _promise(promise: tuple[float, float] | None, goal: tuple[float, float], label: str) -> None:
     """Say which error is promised, and if that is more than the goal."""
     if promise is None:
         _row("promised", "nothing without tiles")
         return
     kept = promise[0] <= goal[0] and promise[1] <= goal[1]
-    _row("promised at most" if kept else "cannot promise less than", f"{promise[0]:.2f}°, {promise[1]:.2f} px")
+    _row(label if kept else "cannot promise less than", f"{promise[0]:.2f}°, {promise[1]:.2f} px")
     if not kept:
         _hint("The finest detail of this model in this view")
 

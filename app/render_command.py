@@ -6,6 +6,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING
 
 from app.budget import Controller, coarsened
@@ -16,7 +17,7 @@ from app.option_values import TEXELS
 from app.options import Options
 from app.progress import Reporter
 from app.scene import ModelSource, Scene, bake_scene, open_scene
-from app.statistics import Radii, Shot, Statistic, draw_frames, frame_statistics, scene_statistics
+from app.statistics import FrameTimes, Radii, Shot, Statistic, draw_frames, frame_statistics, scene_statistics
 
 if TYPE_CHECKING:
     import moderngl
@@ -28,6 +29,8 @@ DEFAULT_RESOLUTION = (1024, 1024)
 
 # Enough to find a coarseness in spite of noise; a load that changes all the time has none.
 MOST_SETTLING_FRAMES = 120
+# Times the time that a frame may take: beyond what the controller leaves alone and noise.
+MUCH_TOO_SLOW = 1.25
 
 
 def run_render(options: Options) -> None:
@@ -51,7 +54,7 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
     from renderer.context import create_headless_context
     from renderer.renderer import Renderer
 
-    shot, radii, texels = _prepare(scene, options)
+    shot, radii, texels = _prepare(scene, options, reporter)
     if options.normal_mapping:
         shot = _bake(shot, radii, texels, options, reporter)
     reporter.progress("Drawing", 0.0)
@@ -65,6 +68,8 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
             coarseness = 1.0 if options.fps is None else _settle(renderer, framebuffer, shot, radii, options.fps)
             radii = coarsened(radii[0], coarseness), coarsened(radii[1], coarseness)
             cut, times = draw_frames(renderer, framebuffer, shot, radii, options.frames)
+            if options.fps is not None:
+                _warn_of_rate(times, options.fps, reporter)
             statistics = scene_statistics(shot.scene) | frame_statistics(cut, times, renderer, ctx)
             picture = read_picture(framebuffer)
             # The arrays take another two passes.
@@ -82,7 +87,7 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
     return statistics | _goal_statistics(shot, cut, radii, coarseness) if options.json else statistics
 
 
-def _prepare(scene: Scene, options: Options) -> tuple[Shot, Radii, int]:
+def _prepare(scene: Scene, options: Options, reporter: Reporter) -> tuple[Shot, Radii, int]:
     """Return what shall be drawn, the radii in full detail and the texels along one side of a tile."""
     from renderer.settings import Settings
 
@@ -100,7 +105,12 @@ def _prepare(scene: Scene, options: Options) -> tuple[Shot, Radii, int]:
         return shot, (options.r_sil, options.r_inner), options.texels
     from hierarchy.goals import ErrorGoal, detail_for_goal
 
-    detail, _ = detail_for_goal(scene.hierarchy, view, ErrorGoal(*options.max_error), texels=TEXELS)
+    goal = ErrorGoal(*options.max_error)
+    detail, promise = detail_for_goal(scene.hierarchy, view, goal, texels=TEXELS)
+    if promise.degrees > goal.degrees or promise.pixels > goal.pixels:
+        reporter.warnings([
+            f"no less than {promise.degrees:.2g} degrees and {promise.pixels:.2g} px can be promised in this view"
+        ])  # fmt: skip
     return shot, (detail.r_sil, detail.r_inner), detail.texels
 
 
@@ -128,6 +138,13 @@ def _settle(
         _, times = draw_frames(renderer, framebuffer, shot, now, 1)
         controller.measure(times[0].frame)
     return controller.coarseness
+
+
+def _warn_of_rate(times: list[FrameTimes], frames_per_second: float, reporter: Reporter) -> None:
+    """Say that the rate is not held where frames take far longer than they may."""
+    took = 1e-3 * median(each.frame for each in times)
+    if took * frames_per_second > MUCH_TOO_SLOW:
+        reporter.warnings([f"{frames_per_second:g} frames a second are not held: {1.0 / took:.1f} are"])
 
 
 def _goal_statistics(shot: Shot, cut: Cut, radii: Radii, coarseness: float) -> dict[str, Statistic]:

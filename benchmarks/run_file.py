@@ -115,12 +115,13 @@ def read_run(path: Path) -> Run:
     except OSError as error:
         raise RunFileError(f"{path}: {error.strerror or error}") from error
     except ValueError as error:
-        raise RunFileError(f"{path}: not a run of the benchmarks ({error})") from error
+        raise RunFileError(f"{path}: not a run of the benchmarks") from error
     if not isinstance(document, dict) or "format" not in document:
         raise RunFileError(f"{path}: not a run of the benchmarks")
     if document["format"] != FORMAT:
         raise RunFileError(f"{path}: its format is {document['format']}, this program reads format {FORMAT}")
     try:
+        _check_entries(document)
         return Run(
             environment=document["environment"],
             settings=document["settings"],
@@ -130,8 +131,22 @@ def read_run(path: Path) -> Run:
             scaling=document["scaling"],
             bounds=document["bounds"],
         )
-    except (KeyError, TypeError) as error:
-        raise RunFileError(f"{path}: not a run of the benchmarks (its {error} is missing or odd)") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise RunFileError(f"{path}: not a run of the benchmarks, or a damaged one") from error
+
+
+def _check_entries(document: Json) -> None:
+    """Look for what is read of each entry; raises KeyError, TypeError or ValueError where it is missing or odd."""
+    for entry in document["records"]:
+        if any(isinstance(value, str) for value in flat({"cost": entry["cost"], "error": entry["error"]}).values()):
+            raise ValueError("text where numbers belong")
+    for entry in document["bounds"]:
+        entry["model"], entry["view"], entry["goal"]
+        entry["promised"]["degrees"], entry["measured"]["degrees"]
+    for entry in document["scaling"]:
+        float(entry["size"]), entry["cost"]["frame_over_triangles"], entry["error"]["normal_degrees"]
+    for entry in document["paper"]:
+        entry["w_s"]
 
 
 def write_run(path: Path, run: Run) -> None:

@@ -106,8 +106,9 @@ def overtaking(scaling: Sequence[Json]) -> float | None:
 
 
 def growth(scaling: Sequence[Json], start: int = 270_000) -> float | None:
-    """Return the frame time at the largest size over that at `start`, None where one of them is missing."""
-    entries = {entry["size"]: entry["cost"]["frame_over_yardstick"] for entry in scaling}
-    if start not in entries or max(entries) <= start:
-        return None
-    return float(entries[max(entries)] / entries[start])
+    """Return the largest frame time at a size beyond `start` over that at `start`; None where there is none.
+
+    Each is over that of a surface of `start` triangles which the same process drew in turn.
+    """
+    grown = [entry["cost"]["frame_over_yardstick"] for entry in scaling if entry["size"] > start]
+    return float(max(grown)) if grown else None

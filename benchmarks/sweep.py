@@ -97,7 +97,7 @@ def _quick() -> Iterator[Point]:
         yield "not blended", R_SIL, r_inner, TEXELS
     for radius in (4.0, 6.0, 8.0, 16.0):
         yield "surfelscope", radius, radius, _texels_of(radius)
-    for r_inner in (1.0, 4.0, 5.0, 6.0, 8.0, 16.0):
+    for r_inner in (1.0, 2.0, 4.0, 5.0, 6.0, 8.0, 16.0):
         yield "no tiles", min(R_SIL, r_inner), r_inner, 0
     for radius in (2.0, 4.0, 6.0, 8.0):
         yield "one radius", radius, radius, 0

@@ -77,9 +77,12 @@ def detail_for_goal(
         return promised_errors(hierarchy, view, cut, ())[1] <= goal.pixels
 
     coarsest = _first(SILHOUETTE_RADII, keeps_outline)
+    finer = list(SILHOUETTE_RADII[SILHOUETTE_RADII.index(coarsest) :: 2])
+    if finer[-1] != SILHOUETTE_RADII[-1]:
+        finer.append(SILHOUETTE_RADII[-1])
     best: _Choice | None = None
     # A finer silhouette has better normals, too, and may leave room for a coarser inside.
-    for r_sil in SILHOUETTE_RADII[SILHOUETTE_RADII.index(coarsest) :: 2]:
+    for r_sil in finer:
         choice = _coarsest_inside(hierarchy, view, goal, r_sil, texels)
         if best is not None and best.kept and (not choice.kept or choice.count >= best.count):
             break
@@ -118,9 +121,13 @@ def _coarsest_inside(hierarchy: Hierarchy, view: View, goal: ErrorGoal, r_sil: f
         count, degrees, pixels = at(r_inner)
         kept = degrees[k] <= goal.degrees and pixels <= goal.pixels
         choices.append(_Choice(Detail(r_sil, r_inner, size), Promise(degrees[k], pixels), kept, count))
-    choices = [choice for choice in choices if choice.kept] or choices
-    fewest = min(choice.count for choice in choices)
-    return next(choice for choice in choices if choice.count <= WORTH * fewest)
+    keeping = [choice for choice in choices if choice.kept]
+    if keeping:
+        fewest = min(choice.count for choice in keeping)
+        return next(choice for choice in keeping if choice.count <= WORTH * fewest)
+    # Nothing keeps the goal: the smallest tiles that promise as little as any.
+    least = min(choice.promise.degrees for choice in choices)
+    return next(choice for choice in choices if choice.promise.degrees <= 1.02 * least)
 
 
 def _first(radii: Sequence[float], keeps: Callable[[float], bool]) -> float:

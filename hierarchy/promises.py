@@ -8,8 +8,7 @@ that one sample.
 
 The factors are fitted: they bound the means that were measured on Igea, the meteoroid, the bunny, fandisk and spot,
 from orbit, close up, far away, inside the bounding box and grazing, with r_sil from 1 to 6, r_inner from 4 to 64 and
-tiles of 4 to 32 texels. Half of the pictures are promised at most three times the normals' error, and 1.5 times the
-outline's.
+tiles of 4 to 32 texels. docs/benchmarks.md says how tight they are.
 """
 
 from __future__ import annotations

@@ -43,12 +43,13 @@ def test_window_takes_model_and_options():
 
 def test_goals_and_what_is_for_comparison():
     for command in ("window", "render"):
-        line = "--max-error 0.8,0.25 --fps 24.5 --splat sprite --cone-test printed"
+        line = "--max-error 0.8,0.25 --fps 24.5 --splat sprite"
         options = parse_options([*(["render", "--json"] if command == "render" else []), *line.split()])
         assert (options.max_error, options.fps) == ((0.8, 0.25), 24.5)
-        assert (options.splat, options.printed_cone_test) == ("sprite", True)
+        assert (options.splat, options.printed_cone_test) == ("sprite", False)
     assert parse_options(["--max-error", "2"]).max_error == (2.0, 0.5)
-    assert not parse_options(["--cone-test", "own"]).printed_cone_test
+    assert not parse_options(["--max-error", "1", "--cone-test", "own"]).printed_cone_test
+    assert parse_options(["--cone-test", "printed"]).printed_cone_test
 
 
 def test_info_takes_json():
@@ -80,6 +81,7 @@ def test_render_for_its_statistics_alone():
         ("--max-error 1 --r-sil 2", "--max-error decides about --r-sil itself"),
         ("render --json --w-s 8 --max-error 1 --r-inner 2", "--max-error decides about --r-inner and --w-s itself"),
         ("--max-error 1 --no-normal-mapping", "does not go with --no-normal-mapping"),
+        ("--max-error 1 --cone-test printed", "does not go with --cone-test printed"),
         ("--fps 0", "between 1 and 1000"),
         ("--fps -20", "between 1 and 1000"),
         ("--fps nan", "not a number of frames"),

@@ -102,7 +102,7 @@ from pathlib import Path
 from benchmarks.run_file import Record, Run, Setting, write_run
 run = Run({}, {})
 for count in range(100_000):
-    cost = {"frame_ms": {"median": 1.0}, "padding": "x" * 2000}
+    cost = {"frame_ms": {"median": 1.0}, "padding": [0.0] * 500}
     run.records.append(Record(Setting("m", f"view {count}", "surfelscope", 2.0, 16.0, 16), cost, {}))
     write_run(Path(sys.argv[1]), run)
 """
@@ -130,11 +130,16 @@ def test_a_process_killed_while_it_writes_leaves_a_whole_file(tmp_path):
         ("[1, 2]", "not a run"),
         ('{"records": []}', "not a run"),
         ('{"format": 99}', "its format is 99"),
-        ('{"format": 1, "environment": {}, "settings": {}}', "'models' is missing"),
+        ('{"format": 1, "environment": {}, "settings": {}}', "a damaged one"),
         (
             '{"format": 1, "environment": {}, "settings": {}, "models": {}, "records": [{"model": "m"}], "paper": [],'
             ' "scaling": [], "bounds": []}',
-            "'view' is missing",
+            "a damaged one",
+        ),
+        (
+            '{"format": 1, "environment": {}, "settings": {}, "models": {}, "records": [], "paper": [], "scaling": [],'
+            ' "bounds": [{"view": 3}]}',
+            "a damaged one",
         ),
     ],
 )
