@@ -1,14 +1,14 @@
 """What a cut's picture will be wrong by, predicted from the spreads and the relief that the hierarchy holds.
 
 At a pixel the drawn normal differs from the true one by about what the normals vary over the distance between two
-texels, or over the distance by which relief, seen at an angle, displaces the lookup in the tile (spreads.py). To that
-come pixels on outlines and edges, where the truth is a mixture and a pixel has one sample: a share that falls with the
-root of the model's area on screen. The outline is displaced by a share of the relief of the splats on it, and by
-that one sample.
+texels, over a part of the pixel itself, or over the distance by which relief, seen at an angle, displaces the lookup in
+the tile (spreads.py). To that come pixels on outlines and edges, where the truth is a mixture and a pixel has one
+sample: a share that falls with the root of the model's area on screen. The outline is displaced by a share of the
+relief of the splats on it, and by that one sample.
 
 The factors are fitted: they bound the means that were measured on Igea, the meteoroid, the bunny, fandisk and spot,
 from orbit, close up, far away, inside the bounding box and grazing, with r_sil from 1 to 6, r_inner from 4 to 64 and
-tiles of 4 to 32 texels. docs/benchmarks.md says how tight they are.
+tiles of 2 to 32 texels. docs/benchmarks.md says how tight they are.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from hierarchy.lod import Cut
 from hierarchy.spreads import SCALES, UNIT
 from hierarchy.view import View
 
-# Shares of the texels' spacing, in radii of the disc, and of the displacement by relief, at which the spread counts.
-TEXEL_SHARE, RELIEF_SHARE = 0.5, 0.5
+# Shares of the texels' spacing, of the displacement by relief, and of a pixel, at which the spread counts. Of w_s
+# texels a side w_s - 1.5 count: two texels alone hold nothing of what varies inside the disc.
+TEXEL_SHARE, RELIEF_SHARE, PIXEL_SHARE = 0.5, 0.5, 0.25
+SHARED_TEXELS = 1.5
 # Relief at grazing angles: beyond this tangent the neighbours hide what would be displaced.
 MAX_TANGENT = 2.0
 # Degrees a degree of spread; degrees times the root of the area in pixels; degrees.
@@ -76,9 +78,10 @@ def _sum_splats(nodes, records, spreads, splats, silhouette, eye, axis, focal, t
             continue
         sine = math.sqrt(1.0 - cosine * cosine)
         shift = RELIEF_SHARE * relief / radius * min(sine / max(cosine, 1e-6), MAX_TANGENT)
+        pixel = PIXEL_SHARE / radius
         for k in range(len(texels)):
-            spacing = TEXEL_SHARE / max(texels[k] - 1, 1)
-            scale = min(math.sqrt(spacing * spacing + shift * shift), 1.0)
+            spacing = TEXEL_SHARE / max(texels[k] - SHARED_TEXELS, TEXEL_SHARE)
+            scale = min(math.sqrt(spacing * spacing + shift * shift + pixel * pixel), 1.0)
             sums[1 + k] += area * _spread(spreads, index, scale)
 
 
