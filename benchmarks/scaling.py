@@ -106,9 +106,9 @@ def overtaking(scaling: Sequence[Json]) -> float | None:
 
 
 def growth(scaling: Sequence[Json], start: int = 270_000) -> float | None:
-    """Return the largest frame time at a size beyond `start` over that at `start`; None where there is none.
+    """Return the frame time at the largest size beyond `start` over that at `start`; None where there is none.
 
-    Each is over that of a surface of `start` triangles which the same process drew in turn.
+    The latter is that of a surface of `start` triangles which the same process drew in turn.
     """
-    grown = [entry["cost"]["frame_over_yardstick"] for entry in scaling if entry["size"] > start]
-    return float(max(grown)) if grown else None
+    grown = {entry["size"]: entry["cost"]["frame_over_yardstick"] for entry in scaling if entry["size"] > start}
+    return float(grown[max(grown)]) if grown else None

@@ -120,7 +120,7 @@ def scaling(run: Run) -> str:
             f"Splats are faster than plain triangles from about {count(float(f'{crossing:.2g}'))} triangles up."
         )
     if grown is not None:
-        said.append(f"From 0.27 M triangles up the frame takes at most {grown:.2f} times as long.")
+        said.append(f"At the largest size the frame takes {grown:.2f} times as long as at 0.27 M.")
     return "\n\n".join(part for part in (table(header, rows), " ".join(said)) if part)
 
 

@@ -65,7 +65,7 @@ def test_splats_overtake_where_the_ratio_falls_below_one_for_good():
     assert overtaking([]) is None
 
 
-def test_growth_is_the_largest_beyond_the_yardsticks_size():
+def test_growth_is_from_the_yardsticks_size_to_the_largest():
     entries = [sized(10_000, 0.7), sized(270_000, 1.0), sized(17_000_000, 1.1)]
     assert growth(entries) == pytest.approx(1.1)
     assert growth(entries[:2]) is None
