@@ -161,15 +161,6 @@ def savings(
     return rows
 
 
-def common_range(using: Sequence[Point], without: Sequence[Point], x: Axis, y: Axis) -> tuple[float, float] | None:
-    """Return the smallest and the largest y that both fronts reach, None where there is none."""
-    fronts = [pareto_front(points, x, y) for points in (using, without)]
-    if not all(fronts):
-        return None
-    low, high = max(y(front[-1]) for front in fronts), min(y(front[0]) for front in fronts)
-    return (low, high) if low <= high else None
-
-
 def of_method(points: Iterable[Point], method: str, **wanted: float) -> list[Point]:
     """Return the points of a method whose settings have the wanted values (r_sil, r_inner, w_s)."""
     return [
