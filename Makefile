@@ -1,6 +1,7 @@
 # make run [MODEL=path]   open the window, or draw a PNG where there is no display
 # make test               everything that has to hold: lint and tests
 # make lint               ruff, mypy and import-linter
+# make stress             all cases of the stress tests, and what they found in docs/numerics.md (30 minutes at most)
 # make bench [MODELS=...] measure run time against error, and redraw the tables and plots of docs/benchmarks.md
 #
 # Each does all the set-up by itself: a virtual environment with the package, and on a Debian-like machine, run as
@@ -21,7 +22,7 @@ PROGRAMS := Xvfb:xvfb xdotool:xdotool
 SCANS := $(wildcard ../shared/models/igea.ply ../shared/models/stanford-bunny.obj)
 MODELS ?= $(SCANS) built-in
 
-.PHONY: run test lint bench clean
+.PHONY: run test stress lint bench clean
 .DELETE_ON_ERROR:
 
 run: $(STAMP)
@@ -31,6 +32,10 @@ run: $(STAMP)
 test: lint
 	@$(call install_missing,$(LIBRARIES),$(PROGRAMS))
 	$(VENV)/bin/python -m pytest $(PYTEST_ARGS)
+
+stress: $(STAMP)
+	@$(call install_missing,$(LIBRARIES),$(PROGRAMS))
+	$(VENV)/bin/python -m pytest tests/stress --stress --stress-report $(PYTEST_ARGS)
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff check

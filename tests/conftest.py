@@ -9,6 +9,9 @@ SHARED_MODELS = Path(__file__).resolve().parents[2] / "shared" / "models"
 
 def pytest_addoption(parser):
     parser.addoption("--update-goldens", action="store_true", help="draw the golden pictures anew (tests/renderer)")
+    parser.addoption("--stress", action="store_true", help="try all cases of tests/stress, not only a fast share")
+    parser.addoption("--stress-seed", type=int, default=20261122, help="where the generated cases start")
+    parser.addoption("--stress-report", action="store_true", help="put what was found into docs/numerics.md")
 
 
 @pytest.fixture(scope="session")
