@@ -47,10 +47,16 @@ def write_png(path: Path, color: npt.NDArray[np.uint8]) -> None:
         raise OutputError(f"{path}: {error.strerror or error}") from error
 
 
-def write_arrays(path: Path, frame: Frame) -> None:
-    """Write normal, depth, coverage and color, as `Frame` describes them; raises OutputError."""
+def write_arrays(path: Path, frame: Frame, scale: float) -> None:
+    """Write normal, depth, coverage and color, as `Frame` describes them but depth in lengths of the file.
+
+    scale : the file's length of a unit of model space
+    Raises OutputError.
+    """
+    # A power of two, by which only what leaves float32's range is rounded.
+    depth = (frame.depth * np.float64(scale)).astype(np.float32)
     try:
         with path.open("wb") as file:
-            np.savez(file, normal=frame.normal, depth=frame.depth, coverage=frame.coverage, color=frame.color)
+            np.savez(file, normal=frame.normal, depth=depth, coverage=frame.coverage, color=frame.color)
     except OSError as error:
         raise OutputError(f"{path}: {error.strerror or error}") from error

@@ -10,7 +10,7 @@ import numpy as np
 from app.options import CameraOptions
 from app.orbit_camera import axes_of_up, fitting_distance
 from app.scene import Scene
-from hierarchy.model import Float64Array
+from hierarchy.model import Float64Array, in_file_space
 from hierarchy.view import View, look_at
 
 # Three quarters from the front and slightly from above, as one holds a thing in the hand: azimuth, elevation.
@@ -33,11 +33,12 @@ def frame_scene(scene: Scene, camera: CameraOptions, resolution: tuple[int, int]
     Scans of things are seen along their z axis, as scanners leave them; the built-in model and the ground, whose z is
     up, from three quarters.
     """
-    centre, radius = scene.hierarchy.bounds
+    hierarchy = scene.hierarchy
+    centre, radius = hierarchy.bounds
     view_angle = math.radians(camera.view_angle)
     default_up = (0.0, 0.0, 1.0) if scene.source.z_up else (0.0, 1.0, 0.0)
     view_up = np.asarray(camera.view_up or default_up, np.float64)
-    focal_point = np.asarray(camera.focal_point, np.float64) if camera.focal_point else scene.hierarchy.origin + centre
+    focal_point = np.asarray(camera.focal_point, np.float64) if camera.focal_point else in_file_space(hierarchy, centre)
     if camera.position is not None:
         position = np.asarray(camera.position, np.float64)
     else:
@@ -46,7 +47,9 @@ def frame_scene(scene: Scene, camera: CameraOptions, resolution: tuple[int, int]
         flat = math.cos(elevation)
         weights = np.array([flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)])
         aspect = resolution[0] / resolution[1]
-        position = focal_point + fitting_distance(radius, view_angle, aspect) * (weights @ axes_of_up(default_up))
+        position = focal_point + fitting_distance(hierarchy.scale * radius, view_angle, aspect) * (
+            weights @ axes_of_up(default_up)
+        )
     return Pose(position, focal_point, view_up, view_angle)
 
 
@@ -59,5 +62,6 @@ def view_of_pose(pose: Pose, scene: Scene, resolution: tuple[int, int]) -> View:
         pose.view_angle,
         resolution,
         origin=scene.hierarchy.origin,
+        scale=scene.hierarchy.scale,
         bounds=scene.hierarchy.bounds,
     )

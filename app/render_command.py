@@ -82,7 +82,7 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
         if frame is None or is_picture(path):
             write_png(path, picture)
         else:
-            write_arrays(path, frame)
+            write_arrays(path, frame, shot.scene.hierarchy.scale)
         reporter.say(f"wrote {path}")
     return statistics | _goal_statistics(shot, cut, radii, coarseness) if options.json else statistics
 

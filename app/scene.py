@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from hierarchy.model import Mesh, Model, ModelError, Progress, UInt32Array, ignore_progress
+from hierarchy.model import Mesh, Model, ModelError, Progress, UInt32Array, ignore_progress, in_file_space
 
 if TYPE_CHECKING:
     from hierarchy.hierarchy import Hierarchy
@@ -113,8 +113,8 @@ def _load(source: ModelSource, progress: Progress) -> Model:
 
 
 def _content(model: Model) -> Content:
-    lower = model.positions.min(axis=0) + model.origin
-    upper = model.positions.max(axis=0) + model.origin
+    lower = in_file_space(model, model.positions.min(axis=0))
+    upper = in_file_space(model, model.positions.max(axis=0))
     is_mesh = isinstance(model, Mesh)
     return Content(
         kind="mesh" if is_mesh else "point cloud",

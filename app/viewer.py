@@ -16,7 +16,7 @@ from app.orbit_camera import OrbitCamera, orbit_from_pose
 from app.scene import ModelSource, Scene, bake_scene, open_scene
 from app.state import FrameReport, ViewerState
 from app.steering import Steering
-from hierarchy.model import Cancelled, ModelError, Progress
+from hierarchy.model import Cancelled, ModelError, Progress, in_file_space
 from hierarchy.view import View, look_at
 from renderer.settings import Settings
 
@@ -98,9 +98,10 @@ class Viewer:
     def fit(self, resolution: tuple[int, int]) -> None:
         """Show the whole model from the same direction."""
         if self.camera is not None and self.scene is not None:
-            centre, radius = self.scene.hierarchy.bounds
+            hierarchy = self.scene.hierarchy
+            centre, radius = hierarchy.bounds
             aspect = resolution[0] / resolution[1]
-            self.camera = self.camera.fit(self.scene.hierarchy.origin + centre, radius, aspect)
+            self.camera = self.camera.fit(in_file_space(hierarchy, centre), hierarchy.scale * radius, aspect)
 
     def look_along_axis(self, command: Command) -> None:
         """Look at the pivot along one of the axes."""
@@ -119,6 +120,7 @@ class Viewer:
             camera.view_angle,
             resolution,
             origin=hierarchy.origin,
+            scale=hierarchy.scale,
             bounds=hierarchy.bounds,
         )
 

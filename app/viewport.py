@@ -97,7 +97,7 @@ class Viewport:
         return read_picture(self._target)
 
     def depth_at(self, x: float, y: float) -> float | None:
-        """Return the depth of the surface drawn at a pixel, counted from the top left; None: there is none."""
+        """Return the depth of the surface at a pixel, counted from the top left, in the file's lengths; None: none."""
         if self._drawn is None or self._target is None:
             return None
         width, height = self._target.size
@@ -105,7 +105,8 @@ class Viewport:
         if not (0 <= column < width and 0 <= row < height):
             return None
         depth = float(self._renderer.depth_at(column, row))
-        return depth if np.isfinite(depth) else None
+        assert self._uploaded is not None
+        return self._uploaded.hierarchy.scale * depth if np.isfinite(depth) else None
 
     def release(self) -> None:
         """Give back what is held on the GPU."""

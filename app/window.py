@@ -279,7 +279,7 @@ class ViewerWindow(WindowConfig):
         if viewer.camera is None or viewer.scene is None or not self._over_picture(x, y):
             self._gui.turn_wheel(x_offset, y_offset)
             return
-        _, radius = viewer.scene.hierarchy.bounds
+        radius = viewer.scene.hierarchy.scale * viewer.scene.hierarchy.radius
         viewer.camera = self._gestures.wheel(
             viewer.camera, y_offset, self._pixel(x, y), radius=radius, size=self._viewport.size
         )

@@ -39,7 +39,7 @@ def surface_view(mesh: Mesh, resolution: tuple[int, int]) -> View:
     """
     coarse = make_surface(FRAMING)
     diagonal = float(np.linalg.norm(coarse.positions.max(axis=0) - coarse.positions.min(axis=0)))
-    eye = coarse.origin + DISTANCE * diagonal * np.array([0.0, 0.0, 1.0])
+    eye = coarse.origin + coarse.scale * DISTANCE * diagonal * np.array([0.0, 0.0, 1.0])
     radius = float(np.sqrt(np.einsum("ij,ij->i", mesh.positions, mesh.positions).max()))
     return look_at(
         eye,
@@ -48,5 +48,6 @@ def surface_view(mesh: Mesh, resolution: tuple[int, int]) -> View:
         math.radians(VIEW_ANGLE_DEGREES),
         resolution,
         origin=mesh.origin,
+        scale=mesh.scale,
         bounds=(np.zeros(3), radius),
     )

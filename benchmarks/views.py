@@ -61,7 +61,7 @@ def views_of(mesh: Mesh, resolution: tuple[int, int]) -> dict[str, View]:
     front = centre + DISTANCE * diagonal * np.array([0.0, 0.0, 1.0])
     poses = {"front": (front, centre)}
     for name, (eye, focus) in OF_RECORD.get(mesh.name, {}).items():
-        poses[name] = np.subtract(eye, mesh.origin), np.subtract(focus, mesh.origin)
+        poses[name] = (eye - mesh.origin) / mesh.scale, (focus - mesh.origin) / mesh.scale
     for k in range(ORBIT):
         direction = _direction(360.0 * k / ORBIT, ORBIT_ELEVATIONS[k % len(ORBIT_ELEVATIONS)])
         poses[f"orbit {k}"] = centre + DISTANCE * diagonal * direction, centre

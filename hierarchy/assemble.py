@@ -90,7 +90,7 @@ def assemble_mesh(name: str, parts: list[Part], warnings: list[str], progress: P
     part = join_parts(parts)
     assert part.faces is not None
     positions, faces, kept = clean_faces(part.positions, part.faces, part.bad_faces, warnings)
-    origin, placed = place(positions)
+    origin, scale, placed = place(positions)
     point_of_vertex, first = unique_positions(placed)
     point_faces = point_of_vertex[faces]
     distinct = distinct_corners(point_faces)
@@ -104,7 +104,7 @@ def assemble_mesh(name: str, parts: list[Part], warnings: list[str], progress: P
         # Start again with what is left, as the bounding box may have shrunk.
         positions, faces, still_kept = clean_faces(positions, faces[good].astype(np.int64), 0, warnings)
         kept = kept[still_kept]
-        origin, placed = place(positions)
+        origin, scale, placed = place(positions)
         point_of_vertex, first = unique_positions(placed)
     progress("load", 0.6)
 
@@ -127,4 +127,4 @@ def assemble_mesh(name: str, parts: list[Part], warnings: list[str], progress: P
             placed, faces, normals, colors, skin.textures, attributes[-2], attributes[-1]
         )
     progress("load", 1.0)
-    return Mesh(name, origin, placed, faces, normals, colors, closed, tuple(warnings))
+    return Mesh(name, origin, placed, faces, normals, colors, closed, tuple(warnings), scale)

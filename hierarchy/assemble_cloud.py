@@ -26,7 +26,7 @@ def assemble_cloud(
     Raises UnreadableFile where nothing is left.
     """
     part = join_parts(parts)
-    origin, positions, kept = clean_points(part.positions, warnings)
+    origin, scale, positions, kept = clean_points(part.positions, warnings)
     distances, neighbours = nearest_neighbours(positions, NEIGHBOURS, progress)
     progress("normals", 0.5)
     estimated = part.normals is None
@@ -40,7 +40,7 @@ def assemble_cloud(
     radii = cover_radii(positions, normals, distances, neighbours)
     progress("normals", 1.0)
     colors = None if part.colors is None else part.colors[kept]
-    return PointCloud(name, origin, positions, normals, radii, colors, estimated, tuple(warnings))
+    return PointCloud(name, origin, positions, normals, radii, colors, estimated, tuple(warnings), scale)
 
 
 def _check_normals(

@@ -74,6 +74,7 @@ def build_hierarchy(
         half_extents=half_extents,
         warnings=model.warnings,
         openings=openings,
+        scale=model.scale,
     )
 
 

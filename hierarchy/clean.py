@@ -15,6 +15,9 @@ from hierarchy.unique_rows import unique_positions
 # Beyond this a coordinate counts as not finite: float32 ends at 3.4e38, and a bounding box is twice as wide.
 LARGEST_COORDINATE = 1e36
 
+# The binary exponent of the shortest scale: what is smaller is drawn as if it were that large.
+SMALLEST_EXPONENT = -1000
+
 # A triangle has no area where its height is below this fraction of its longest side. Differences of float32
 # coordinates are exact in doubles nearly always, so that this only has to cover the rounding of doubles.
 SMALLEST_HEIGHT = 1e-12
@@ -71,12 +74,12 @@ def clean_faces(
     return positions[kept], renumbered[faces], kept
 
 
-def clean_points(positions: Float64Array, warnings: list[str]) -> tuple[Float64Array, Float32Array, Int64Array]:
+def clean_points(positions: Float64Array, warnings: list[str]) -> tuple[Float64Array, float, Float32Array, Int64Array]:
     """Keep the points that can be used, one at each place.
 
     positions : float64 (N, 3), anything
     warnings : gets a sentence for each kind of point dropped
-    Returns the origin (3,), the kept positions relative to it, float32 (K, 3), and their old indices (K,).
+    Returns origin, scale and kept positions (K, 3) as `place` does, and their old indices (K,).
     Raises UnreadableFile where no point is left.
     """
     if len(positions) == 0:
@@ -86,18 +89,29 @@ def clean_points(positions: Float64Array, warnings: list[str]) -> tuple[Float64A
         warnings.append(counted("dropped", len(positions) - len(kept), "point", "whose positions are not finite"))
     if len(kept) == 0:
         raise UnreadableFile("nothing to draw: no point has a finite position")
-    origin, relative = place(positions[kept])
+    origin, scale, relative = place(positions[kept])
     _, first = unique_positions(relative)
     if len(first) < len(relative):
         warnings.append(counted("dropped", len(relative) - len(first), "duplicate point"))
-    return origin, relative[first], kept[first]
+    return origin, scale, relative[first], kept[first]
 
 
-def place(positions: Float64Array) -> tuple[Float64Array, Float32Array]:
-    """Return the centre of the bounding box, float64 (3,), and the positions relative to it, float32 (N, 3)."""
+def place(positions: Float64Array) -> tuple[Float64Array, float, Float32Array]:
+    """Move positions (N, 3) into model space.
+
+    Returns the origin, the centre of the bounding box, float64 (3,); the scale, the power of two for which the box's
+    largest half extent is in (1/2, 1] (1 where the box is a point); and the positions in model space, float32 (N, 3).
+    """
     lowest, highest = positions.min(axis=0), positions.max(axis=0)
     origin = 0.5 * lowest + 0.5 * highest
-    return origin, np.ascontiguousarray(positions - origin, np.float32)
+    reach = float(np.maximum(highest - origin, origin - lowest).max())
+    mantissa, exponent = math.frexp(reach)
+    # Denormal lengths have too few digits to be scaled up, and no unit is as short.
+    exponent = max(exponent - 1 if mantissa == 0.5 else exponent, SMALLEST_EXPONENT) if reach > 0.0 else 0
+    scale = math.ldexp(1.0, exponent)
+    relative = np.subtract(positions, origin)
+    relative /= scale
+    return origin, scale, np.ascontiguousarray(relative, np.float32)
 
 
 def distinct_corners(faces: Int32Array) -> BoolArray:

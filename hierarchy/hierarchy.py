@@ -44,7 +44,7 @@ assert SPLAT.itemsize == 48
 class Hierarchy:
     """Surfels at every level of detail over a model's base primitives.
 
-    name, origin, warnings : as in `Mesh`
+    name, origin, scale, warnings : as in `Mesh`
     nodes : NODE (M,), breadth-first, root first, parents before children; inner nodes only
     splats : SPLAT (M,) or (M + N,), the nodes' discs and, in a point hierarchy, the N leaf surfels behind them
     spreads : uint16 (M, SCALES), how much the normals below a node vary (spreads.py)
@@ -69,6 +69,7 @@ class Hierarchy:
     half_extents: Float64Array
     warnings: tuple[str, ...] = ()
     openings: Openings | None = None
+    scale: float = 1.0
 
     @property
     def node_count(self) -> int:

@@ -32,7 +32,9 @@ def surfels_of_mesh(mesh: Mesh) -> PointCloud:
     positions, faces, normals, colors = _split(mesh)
     centres, out_normals, radii = _surfels(positions, normals, faces)
     mean_colors = None if colors is None else np.rint(colors[faces].mean(axis=1)).astype(np.uint8)
-    return PointCloud(mesh.name, mesh.origin, centres, out_normals, radii, mean_colors, warnings=mesh.warnings)
+    return PointCloud(
+        mesh.name, mesh.origin, centres, out_normals, radii, mean_colors, warnings=mesh.warnings, scale=mesh.scale
+    )
 
 
 def _split(mesh: Mesh) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Array | None]:

@@ -1,4 +1,4 @@
-"""A pinhole camera: where the eye is, what it sees, and how long a length is in pixels there."""
+"""A camera, perspective or parallel: where the eye is, what it sees, and how long a length is in pixels there."""
 
 from __future__ import annotations
 
@@ -14,15 +14,23 @@ from hierarchy.model import Float64Array
 # still resolves far / 2000 at the far end.
 NEAR_OVER_FAR = 1e-4
 
+# A parallel view's eye stands this many radii of the model from its centre, and what lies within 1.5 radii of that
+# depth is between the clip planes: also discs and spheres that reach beyond the model.
+PARALLEL_DEPTH, PARALLEL_REACH = 2.0, 1.5
+
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A perspective view of model space; eye space is right-handed and looks down -z.
+    """A view of model space; eye space is right-handed and looks down -z.
 
     eye_from_model : float64 (4, 4), rigid (rotation and translation only)
-    view_angle : full vertical field of view in radians, in (0, pi)
+    view_angle : full vertical field of view in radians, in (0, pi); a parallel view makes no use of it
     width, height : resolution in pixels
     near, far : positive distances of the clip planes along the view axis
+    parallel_scale : half the height of what is seen, in model space, if all view rays are parallel; None: they meet in
+        the eye, which makes the view a perspective one
+    depth_of_eye : depth of the eye as seen from the camera's position, 0 in perspective. What a parallel view shows
+        does not depend on where on the axis its eye stands, so it is brought to where float32 resolves the model
     """
 
     eye_from_model: Float64Array
@@ -31,6 +39,13 @@ class View:
     height: int
     near: float
     far: float
+    parallel_scale: float | None = None
+    depth_of_eye: float = 0.0
+
+    @property
+    def is_parallel(self) -> bool:
+        """All view rays have the direction of the axis."""
+        return self.parallel_scale is not None
 
     @property
     def eye(self) -> Float64Array:
@@ -39,16 +54,47 @@ class View:
         return -rotation.T @ translation
 
     @property
+    def homogeneous_eye(self) -> Float64Array:
+        """(eye, 1), or (direction to the viewer, 0) where the rays are parallel, float64 (4,).
+
+        It lies before the plane of a point p and a normal n where n.(e - w p) > 0, (e, w) being its parts.
+        """
+        return np.append(self.eye_from_model[2, :3], 0.0) if self.is_parallel else np.append(self.eye, 1.0)
+
+    @property
+    def half_height(self) -> float:
+        """Half the height of what is seen: at unit depth, or at any where the rays are parallel."""
+        return math.tan(0.5 * self.view_angle) if self.parallel_scale is None else self.parallel_scale
+
+    @property
     def focal_pixels(self) -> float:
-        """Pixels that a unit length perpendicular to the axis covers at unit depth (Holst 2007, eq. 6)."""
-        return self.height / (2.0 * math.tan(0.5 * self.view_angle))
+        """Pixels that a unit length perpendicular to the axis covers at unit depth (Holst 2007, eq. 6).
+
+        Where the rays are parallel it covers as many at any depth.
+        """
+        return self.height / (2.0 * self.half_height)
+
+    def pixels_of_unit(self, depth: npt.ArrayLike) -> Float64Array:
+        """Return the pixels that a unit length perpendicular to the axis covers at depths > 0, float64 of any shape."""
+        depth = np.asarray(depth, np.float64)
+        return np.full(depth.shape, self.focal_pixels) if self.is_parallel else self.focal_pixels / depth
+
+    def depth_of_ndc(self, z: float) -> float:
+        """Return the depth, seen from the eye, of a z of normalised device coordinates, -1 to 1."""
+        if self.is_parallel:
+            return 0.5 * (self.near + self.far + z * (self.far - self.near))
+        return 2.0 * self.far * self.near / (self.far + self.near - z * (self.far - self.near))
 
     @property
     def clip_from_eye(self) -> Float64Array:
-        """The perspective projection of OpenGL, float64 (4, 4)."""
-        f = 1.0 / math.tan(0.5 * self.view_angle)
+        """The projection of OpenGL, float64 (4, 4)."""
+        f = 1.0 / self.half_height
         depth = self.near - self.far
         matrix = np.zeros((4, 4))
+        if self.is_parallel:
+            np.fill_diagonal(matrix, (f * self.height / self.width, f, 2.0 / depth, 1.0))
+            matrix[2, 3] = (self.far + self.near) / depth
+            return matrix
         matrix[0, 0] = f * self.height / self.width
         matrix[1, 1] = f
         matrix[2, 2] = (self.far + self.near) / depth
@@ -65,7 +111,9 @@ def look_at(
     resolution: tuple[int, int],
     *,
     origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+    scale: float = 1.0,
     bounds: tuple[npt.ArrayLike, float],
+    parallel_scale: float | None = None,
 ) -> View:
     """Make the view of an eye at `position` that looks at `focal_point`.
 
@@ -73,13 +121,15 @@ def look_at(
     view_up : (3,), a direction; where it is parallel to the line of sight another one is chosen
     view_angle : radians, full vertical field of view
     resolution : width and height in pixels
-    origin : (3,), the model's origin in the file's space
+    origin, scale : (3,) and > 0, the model's
     bounds : centre (3,), model space, and radius of a sphere that holds the model; sets the clip planes
+    parallel_scale : half the height of what is seen, in the file's own space, for parallel view rays; None: they meet
+        in the eye. Clip planes of a parallel view hold the whole model, on both sides of the position
     Raises ValueError where the eye is at the focal point, a number is not finite or an angle out of range.
     """
     origin = np.asarray(origin, np.float64)
-    eye = np.asarray(position, np.float64) - origin
-    back = eye - (np.asarray(focal_point, np.float64) - origin)
+    eye = (np.asarray(position, np.float64) - origin) / scale
+    back = eye - (np.asarray(focal_point, np.float64) - origin) / scale
     up = np.asarray(view_up, np.float64)
     if not (np.isfinite(eye).all() and np.isfinite(back).all() and np.isfinite(up).all()):
         raise ValueError("the camera's position, focal point and view-up must be finite")
@@ -88,6 +138,8 @@ def look_at(
         raise ValueError("the camera's position and focal point are the same point")
     if not 0.0 < view_angle < math.pi:
         raise ValueError("the view angle must lie between 0 and 180 degrees")
+    if parallel_scale is not None and not 0.0 < parallel_scale / scale < math.inf:
+        raise ValueError("the parallel scale must be a finite length greater than 0")
     width, height = resolution
     if width < 1 or height < 1:
         raise ValueError("the resolution must be at least 1 x 1")
@@ -103,15 +155,46 @@ def look_at(
     eye_from_model[:3, :3] = rotation
     eye_from_model[:3, 3] = -rotation @ eye
 
+    if parallel_scale is not None:
+        return _parallel_view(eye_from_model, view_angle, (width, height), bounds, float(parallel_scale) / scale)
     near, far = clip_planes(eye_from_model, bounds)
     return View(eye_from_model, float(view_angle), int(width), int(height), near, far)
 
 
+def _parallel_view(
+    eye_from_model: Float64Array,
+    view_angle: float,
+    resolution: tuple[int, int],
+    bounds: tuple[npt.ArrayLike, float],
+    parallel_scale: float,
+) -> View:
+    """Move the eye along the axis to before the whole model."""
+    radius = _radius(bounds)
+    depth = _depth_of_centre(eye_from_model, bounds)
+    eye_from_model[2, 3] += depth - PARALLEL_DEPTH * radius
+    return View(
+        eye_from_model,
+        float(view_angle),
+        *map(int, resolution),
+        near=(PARALLEL_DEPTH - PARALLEL_REACH) * radius,
+        far=(PARALLEL_DEPTH + PARALLEL_REACH) * radius,
+        parallel_scale=parallel_scale,
+        depth_of_eye=depth - PARALLEL_DEPTH * radius,
+    )
+
+
+def _radius(bounds: tuple[npt.ArrayLike, float]) -> float:
+    return float(bounds[1]) if bounds[1] > 0.0 else 1.0
+
+
+def _depth_of_centre(eye_from_model: Float64Array, bounds: tuple[npt.ArrayLike, float]) -> float:
+    centre = np.asarray(bounds[0], np.float64)
+    return -float((eye_from_model[:3, :3] @ centre + eye_from_model[:3, 3])[2])
+
+
 def clip_planes(eye_from_model: Float64Array, bounds: tuple[npt.ArrayLike, float]) -> tuple[float, float]:
     """Return near and far distances that hold a sphere (centre in model space, radius)."""
-    centre, radius = np.asarray(bounds[0], np.float64), float(bounds[1])
-    radius = radius if radius > 0.0 else 1.0
-    depth = -float((eye_from_model[:3, :3] @ centre + eye_from_model[:3, 3])[2])
+    radius, depth = _radius(bounds), _depth_of_centre(eye_from_model, bounds)
     # A margin of 5% keeps the nearest nodes, whose spheres reach beyond the model's, off the near plane.
     far = max(depth + 1.05 * radius, 1e-3 * radius)
     near = max(depth - 1.05 * radius, NEAR_OVER_FAR * far)
@@ -129,7 +212,7 @@ def screen_box(view: View, half_extents: Float64Array) -> tuple[int, int, int, i
     if (-eye[:, 2] <= view.near).any():
         return 0, 0, view.width, view.height
     size = np.array([view.width, view.height])
-    pixels = 0.5 * size + eye[:, :2] * np.array([1.0, -1.0]) * (view.focal_pixels / -eye[:, 2:])
+    pixels = 0.5 * size + eye[:, :2] * np.array([1.0, -1.0]) * view.pixels_of_unit(-eye[:, 2:])
     low = np.clip(np.floor(pixels.min(axis=0)), 0, size).astype(int)
     high = np.clip(np.ceil(pixels.max(axis=0)), 0, size).astype(int)
     return int(low[0]), int(low[1]), int(high[0]), int(high[1])

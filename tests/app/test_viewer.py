@@ -11,6 +11,7 @@ from app.options import CameraOptions, Options
 from app.state import FrameReport
 from app.viewer import Viewer
 from hierarchy.goals import Detail, Promise
+from hierarchy.model import in_file_space
 
 SIZE = (320, 240)
 
@@ -131,7 +132,7 @@ def test_camera_of_the_command_line_holds_for_its_own_model_only(torus, far_toru
     assert viewer.state.settings.ground_up == (0.0, 0.0, 1.0)
     viewer.open_path(far_torus)
     settle(viewer)
-    assert np.allclose(viewer.camera.pivot, viewer.scene.hierarchy.origin + viewer.scene.hierarchy.bounds[0])
+    assert np.allclose(viewer.camera.pivot, in_file_space(viewer.scene.hierarchy, viewer.scene.hierarchy.bounds[0]))
     viewer.close()
 
 
@@ -143,7 +144,7 @@ def test_axis_views_and_fit(viewer):
     assert np.allclose(viewer.camera.back, (1.0, 0.0, 0.0))
     viewer.camera = viewer.camera.pan(500.0, 0.0, SIZE[1])
     viewer.fit(SIZE)
-    assert np.allclose(viewer.camera.pivot, viewer.scene.hierarchy.origin + viewer.scene.hierarchy.bounds[0])
+    assert np.allclose(viewer.camera.pivot, in_file_space(viewer.scene.hierarchy, viewer.scene.hierarchy.bounds[0]))
 
 
 def test_far_coordinates_reach_the_view(far_torus):
@@ -152,7 +153,8 @@ def test_far_coordinates_reach_the_view(far_torus):
     view = viewer.view(SIZE)
     centre, radius = viewer.scene.hierarchy.bounds
     # The view is in model space, where the numbers are small again.
-    assert np.linalg.norm(view.eye - centre) == pytest.approx(viewer.camera.distance, rel=1e-6)
+    distance = viewer.scene.hierarchy.scale * np.linalg.norm(view.eye - centre)
+    assert distance == pytest.approx(viewer.camera.distance, rel=1e-6)
     assert np.linalg.norm(view.eye) < 10.0 * radius
     viewer.close()
 

@@ -14,6 +14,7 @@ from synthetic_run import synthetic_size
 from benchmarks import scaling
 from benchmarks.scaling import ScalingError, growth, measure_apart, missing_sizes, overtaking
 from benchmarks.surface import make_surface, surface_view
+from hierarchy.model import in_file_space
 
 
 def sized(size: int, ratio: float) -> dict[str, object]:
@@ -27,7 +28,7 @@ def test_the_view_is_the_same_at_every_size():
     for triangles in (500, 20_000):
         mesh = make_surface(triangles)
         view = surface_view(mesh, (64, 48))
-        eyes.append(view.eye + mesh.origin)
+        eyes.append(in_file_space(mesh, view.eye))
         assert (view.width, view.height) == (64, 48)
         # All of the surface lies between the clip planes and in the picture.
         points = mesh.positions @ view.eye_from_model[:3, :3].T + view.eye_from_model[:3, 3]
@@ -41,13 +42,13 @@ def test_the_view_is_the_same_at_every_size():
 def test_finer_triangles_come_nearer_to_the_same_surface():
     # The middles of a coarse mesh's triangles lie off the surface by an amount that falls with the edge's square.
     fine = make_surface(80_000)
-    directions = fine.positions + fine.origin
+    directions = in_file_space(fine, fine.positions)
     heights = np.linalg.norm(directions, axis=1)
     directions /= heights[:, None]
 
     def off(triangles: int) -> float:
         mesh = make_surface(triangles)
-        places = (mesh.positions + mesh.origin)[mesh.faces].mean(axis=1)[:300]
+        places = in_file_space(mesh, mesh.positions)[mesh.faces].mean(axis=1)[:300]
         height = np.linalg.norm(places, axis=1)
         nearest = (places @ directions.T).argmax(axis=1)
         return float(np.abs(heights[nearest] - height).mean())

@@ -4,7 +4,7 @@ import pytest
 from hierarchy.assemble import assemble_mesh, gather_skin, join_parts
 from hierarchy.geodesic_sphere import geodesic_sphere
 from hierarchy.half_edges import is_closed
-from hierarchy.model import Cancelled
+from hierarchy.model import Cancelled, in_file_space
 from hierarchy.part import Part, UnreadableFile
 
 
@@ -22,9 +22,9 @@ def test_a_clean_sphere_comes_through_unchanged():
     part = sphere(2.0, (10, 20, 30))
     mesh = assemble(part)
     np.testing.assert_allclose(mesh.origin, [10, 20, 30], atol=1e-12)
-    np.testing.assert_allclose(mesh.positions, part.positions - mesh.origin, atol=1e-6)
+    np.testing.assert_allclose(in_file_space(mesh, mesh.positions), part.positions, atol=1e-6)
     np.testing.assert_array_equal(mesh.faces, part.faces)
-    np.testing.assert_allclose(mesh.normals, mesh.positions / 2, atol=0.02)
+    np.testing.assert_allclose(mesh.normals, mesh.scale * mesh.positions / 2, atol=0.02)
     assert (mesh.positions.dtype, mesh.faces.dtype, mesh.normals.dtype) == (np.float32, np.int32, np.float32)
     assert mesh.closed
     assert mesh.warnings == ()
@@ -36,14 +36,15 @@ def test_extreme_scales(scale):
     mesh = assemble(sphere(scale))
     assert len(mesh.faces) == 720
     assert mesh.closed
-    np.testing.assert_allclose(mesh.normals, mesh.positions / scale, atol=0.02)
+    assert 0.5 < np.abs(mesh.positions).max() <= 1.0
+    np.testing.assert_allclose(mesh.normals, in_file_space(mesh, mesh.positions) / scale, atol=0.02)
 
 
 def test_georeferenced_coordinates():
     mesh = assemble(sphere(0.5, (4.5e6, 5.5e6, 100)))
     assert mesh.closed
     np.testing.assert_allclose(mesh.origin, [4.5e6, 5.5e6, 100], atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(mesh.positions, axis=1), 0.5, atol=1e-6)
+    np.testing.assert_allclose(mesh.scale * np.linalg.norm(mesh.positions, axis=1), 0.5, atol=1e-6)
 
 
 def test_an_inside_out_surface_is_turned():
@@ -92,7 +93,7 @@ def test_a_colour_survives_cleaning_at_its_vertex():
     part.colors = part.colors.astype(np.uint8)
     part.faces = part.faces[100:]
     mesh = assemble(part)
-    np.testing.assert_allclose(mesh.colors[:, :3], 127.5 + 127.5 * (mesh.positions + mesh.origin), atol=0.51)
+    np.testing.assert_allclose(mesh.colors[:, :3], 127.5 + 127.5 * in_file_space(mesh, mesh.positions), atol=0.51)
 
 
 def test_parts_are_joined_and_an_index_out_of_range_stays_one():
@@ -106,8 +107,9 @@ def test_parts_are_joined_and_an_index_out_of_range_stays_one():
     assert np.isnan(joined.normals[: len(first.positions)]).all()
     mesh = assemble(first, second)
     assert mesh.warnings[0] == "dropped 1 face with indices out of range"
-    centre = np.where(mesh.positions[:, :1] + mesh.origin[0] > 2.5, [5.0, 0, 0], [0.0, 0, 0]) - mesh.origin
-    assert np.einsum("ij,ij->i", mesh.normals, mesh.positions - centre).min() > 0.9
+    positions = in_file_space(mesh, mesh.positions)
+    centre = np.where(positions[:, :1] > 2.5, [5.0, 0, 0], [0.0, 0, 0])
+    assert np.einsum("ij,ij->i", mesh.normals, positions - centre).min() > 0.9
 
 
 def test_textures_are_gathered_once():

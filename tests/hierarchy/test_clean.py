@@ -48,17 +48,17 @@ def test_nothing_left():
 def test_points_at_one_place_and_not_finite():
     warnings = []
     points = np.concatenate([SQUARE, SQUARE[:2], [[np.nan, 0, 0]], SQUARE[:1] + np.array([1e-12, 0, 0])])
-    origin, relative, kept = clean_points(points, warnings)
-    np.testing.assert_allclose(relative + origin, SQUARE)
+    origin, scale, relative, kept = clean_points(points, warnings)
+    np.testing.assert_allclose(scale * relative + origin, SQUARE)
     assert kept.tolist() == [0, 1, 2, 3]
     assert warnings == ["dropped 1 point whose positions are not finite", "dropped 3 duplicate points"]
 
 
 def test_georeferenced_coordinates_keep_their_millimetres():
     points = SQUARE * 0.001 + [4.5e6, 5.5e6, 1e3]
-    origin, relative = place(points)
-    np.testing.assert_allclose(relative.astype(float) + origin, points, rtol=0, atol=2e-9)
-    assert len(clean_points(points, [])[2]) == 4
+    origin, scale, relative = place(points)
+    np.testing.assert_allclose(scale * relative.astype(float) + origin, points, rtol=0, atol=2e-9)
+    assert len(clean_points(points, [])[3]) == 4
 
 
 @pytest.mark.parametrize("scale", [1e-20, 1.0, 1e20])

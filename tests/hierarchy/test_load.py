@@ -191,5 +191,5 @@ def test_a_real_cloud(shared_models):
     assert cloud.warnings == ("dropped 66134 duplicate points",)
     assert cloud.colors.shape == (275_855, 4)
     # Points lie on a grid of one centimetre.
-    assert 0.005 < np.median(cloud.radii) < 0.02
-    assert cloud.radii.max() < 0.1
+    assert 0.005 < cloud.scale * np.median(cloud.radii) < 0.02
+    assert cloud.scale * cloud.radii.max() < 0.1

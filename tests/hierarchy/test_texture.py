@@ -3,7 +3,7 @@ import pytest
 from PIL import Image
 
 from hierarchy.load import load_model
-from hierarchy.model import ModelError
+from hierarchy.model import ModelError, in_file_space
 from hierarchy.part import UnreadableFile
 from hierarchy.texture import MOST_FACES, TEXELS_PER_EDGE, paint, read_texture, sample_bilinear
 
@@ -74,13 +74,13 @@ def test_a_quad_shows_its_texture(tmp_path):
     Image.fromarray(np.stack([255 * x, 255 * y, 0 * x], -1).round().astype(np.uint8)).save(tmp_path / "skin.png")
     (tmp_path / "quad.obj").write_text(QUAD)
     mesh = load_model(tmp_path / "quad.obj", texture=tmp_path / "skin.png")
-    place = mesh.positions + mesh.origin
-    inner = (np.abs(mesh.positions) < [1.9, 0.9, 1]).all(axis=1)
+    place = in_file_space(mesh, mesh.positions)
+    inner = (np.abs(mesh.scale * mesh.positions) < [1.9, 0.9, 1]).all(axis=1)
     np.testing.assert_allclose(mesh.colors[inner, 0], 255 * place[inner, 0] / 4, atol=1.5)
     np.testing.assert_allclose(mesh.colors[inner, 1], 255 * place[inner, 1] / 2, atol=1.5)
     # 32 texels a unit both ways.
     edges = np.linalg.norm(mesh.positions[mesh.faces] - mesh.positions[np.roll(mesh.faces, -1, axis=1)], axis=2)
-    assert 0.3 * TEXELS_PER_EDGE < edges.max() * 32 <= TEXELS_PER_EDGE
+    assert 0.3 * TEXELS_PER_EDGE < mesh.scale * edges.max() * 32 <= TEXELS_PER_EDGE
     np.testing.assert_array_equal(mesh.normals, np.tile(np.float32([0, 0, 1]), (len(mesh.normals), 1)))
 
 

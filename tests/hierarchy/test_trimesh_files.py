@@ -6,7 +6,7 @@ import trimesh
 from PIL import Image
 
 from hierarchy.load import load_model
-from hierarchy.model import Mesh, ModelError, PointCloud
+from hierarchy.model import Mesh, ModelError, PointCloud, in_file_space
 from hierarchy.trimesh_files import mesh_part, read_with_trimesh
 
 
@@ -37,7 +37,7 @@ def test_every_kind_gives_the_same_box(tmp_path, suffix):
     assert mesh.name == path.name
     assert mesh.closed
     assert len(mesh.faces) == 12
-    np.testing.assert_allclose(np.ptp(mesh.positions, axis=0), [1, 2, 3], atol=1e-6)
+    np.testing.assert_allclose(mesh.scale * np.ptp(mesh.positions, axis=0), [1, 2, 3], atol=1e-6)
     if suffix != "dae":
         # A box is all creases, where the file says nothing else (COLLADA is written with normals).
         np.testing.assert_allclose(np.abs(mesh.normals).max(axis=1), 1.0, atol=1e-6)
@@ -55,7 +55,7 @@ def test_transforms_are_applied(tmp_path):
     mesh = load_model(tmp_path / "two.glb")
     assert len(mesh.faces) == 24
     np.testing.assert_allclose(mesh.origin, [5.25, 0, 0], atol=1e-6)
-    np.testing.assert_allclose(np.ptp(mesh.positions, axis=0), [11.5, 4, 6], atol=1e-5)
+    np.testing.assert_allclose(mesh.scale * np.ptp(mesh.positions, axis=0), [11.5, 4, 6], atol=1e-5)
 
 
 def test_a_mirror_turns_the_faces_round_again(tmp_path):
@@ -132,7 +132,7 @@ def test_points_in_a_scene(tmp_path):
     trimesh.Scene(trimesh.PointCloud(points, colors=np.tile([1, 2, 3, 255], (50, 1)))).export(tmp_path / "points.glb")
     cloud = load_model(tmp_path / "points.glb")
     assert isinstance(cloud, PointCloud)
-    np.testing.assert_allclose(cloud.positions + cloud.origin, points, atol=1e-6)
+    np.testing.assert_allclose(in_file_space(cloud, cloud.positions), points, atol=1e-6)
     assert np.unique(cloud.colors, axis=0).tolist() == [[1, 2, 3, 255]]
 
 

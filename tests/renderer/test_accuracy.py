@@ -53,6 +53,7 @@ def test_igea_at_the_promised_camera(draw: Draw, shared_models: Path) -> None:
         math.radians(45),
         (1024, 1024),
         origin=hierarchy.origin,
+        scale=hierarchy.scale,
         bounds=hierarchy.bounds,
     )
     mapped, unmapped, cut = errors(draw, (mesh, hierarchy, bake_tiles(hierarchy, TEXELS)), view)
