@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import moderngl
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from ledger import Ledger, fill_in
+
+from renderer.context import ContextError, create_headless_context
+from renderer.renderer import Renderer
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "numerics.md"
 LEDGER = Ledger()
@@ -48,6 +52,33 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
 def laws(pytestconfig: pytest.Config) -> settings:
     """Settings of hypothesis for properties that a test defines inside itself: `@laws @given(...) def law(...)`."""
     return ALL if pytestconfig.getoption("--stress") else FAST
+
+
+@pytest.fixture(scope="session")
+def gl_context() -> Iterator[moderngl.Context]:
+    try:
+        context = create_headless_context()
+    except ContextError as error:
+        pytest.skip(str(error))
+    yield context
+    context.release()
+
+
+@pytest.fixture
+def ctx(gl_context: moderngl.Context) -> Iterator[moderngl.Context]:
+    """The context of the session, current for one test: other tests have contexts of their own."""
+    with gl_context:
+        yield gl_context
+        assert gl_context.error == "GL_NO_ERROR"
+
+
+@pytest.fixture
+def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
+    made = Renderer(ctx)
+    yield made
+    # moderngl binds the last framebuffer again after it read another one; that must not be one that is gone.
+    ctx.detect_framebuffer(0).use()
+    made.release()
 
 
 def pytest_report_header(config: pytest.Config) -> str:
