@@ -33,7 +33,7 @@ def build_hierarchy(
     progress("Sorting", 0.0)
     leaves: Leaves
     if isinstance(model, Mesh) and not points:
-        leaves, shapes, codes = sort_triangles(model)
+        leaves, shapes, steps = sort_triangles(model)
     else:
         if isinstance(model, Mesh):
             from hierarchy.surfels import surfels_of_mesh
@@ -41,10 +41,10 @@ def build_hierarchy(
             cloud = surfels_of_mesh(model)
         else:
             cloud = model
-        leaves, shapes, codes = sort_surfels(cloud)
+        leaves, shapes, steps = sort_surfels(cloud)
     progress("Building the octree", 0.2)
     closed = isinstance(model, Mesh) and model.closed
-    octree = build_octree(codes, min_leaves)
+    octree = build_octree(steps, min_leaves)
     nodes = _nodes(octree)
     progress("Fitting normal cones", 0.25)
     axes, cosines = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)

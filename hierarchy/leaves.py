@@ -13,8 +13,8 @@ import numba as nb
 import numpy as np
 
 from hierarchy.frames import tangents
-from hierarchy.model import Float32Array, Int32Array, Mesh, PointCloud, UInt8Array
-from hierarchy.morton import morton_codes
+from hierarchy.model import Float32Array, Int32Array, Mesh, PointCloud, UInt8Array, UInt16Array
+from hierarchy.morton import morton_order
 
 # A surfel is bounded by the octagon around its rim: 8% wider than the disc, exact in its plane.
 SURFEL_CORNERS = 8
@@ -152,11 +152,10 @@ def _first_use(faces, order, vertex_count):  # type: ignore[no-untyped-def]
     return indices, old_from_new[:used].copy()
 
 
-def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, np.ndarray]:
-    """Put a mesh's triangles into Morton order; return them, their shapes and their sorted codes."""
+def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, UInt16Array]:
+    """Put a mesh's triangles into Morton order; return them, their shapes and the steps between them."""
     normals, centres, areas, extents = _triangle_shapes(mesh.positions, mesh.faces)
-    codes = morton_codes(centres)
-    order = np.argsort(codes)
+    order, steps = morton_order(centres)
     indices, old_from_new = _first_use(mesh.faces, order, len(mesh.positions))
     triangles = Triangles(
         mesh.positions[old_from_new],
@@ -173,13 +172,12 @@ def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, np.ndarray]:
         areas=areas[order],
         extents=extents[order],
     )
-    return triangles, shapes, codes[order]
+    return triangles, shapes, steps
 
 
-def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, np.ndarray]:
-    """Put a cloud's surfels into Morton order; return them, their shapes and their sorted codes."""
-    codes = morton_codes(cloud.positions)
-    order = np.argsort(codes)
+def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, UInt16Array]:
+    """Put a cloud's surfels into Morton order; return them, their shapes and the steps between them."""
+    order, steps = morton_order(cloud.positions)
     surfels = Surfels(
         cloud.positions[order],
         cloud.normals[order],
@@ -195,4 +193,4 @@ def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, np.ndarray]:
         areas=surfels.radii * surfels.radii,
         extents=surfels.radii,
     )
-    return surfels, shapes, codes[order]
+    return surfels, shapes, steps

@@ -8,17 +8,21 @@ the parent's range. So a node costs memory only where it stands for several prim
 An octree's cell is halved along x, then y, then z, and each half is a node. Radii then shrink by about 1.4 from level
 to level instead of 2, so that a cut stays closer under its limit: on Igea at r_inner 16 the inside takes 3,700 splats
 instead of 5,000.
+
+Whatever the leaves are like, no path is longer than `most_levels`: all work that a node does on its leaves adds up to
+at most so many visits of every leaf, and a traversal's stack can be of fixed size.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
-import numpy.typing as npt
 
-from hierarchy.model import Int32Array
+from hierarchy.model import Int32Array, UInt16Array
+from hierarchy.morton import SAME_PLACE
 
 # Igea has 121,000 nodes with at least 4 leaves each, 169,000 with 3 and 269,000 with 2; below 4 the tiles' memory grows
 # faster than the cut shrinks.
@@ -35,33 +39,36 @@ class Octree:
     leaf_end: Int32Array
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
-def _first_difference(first, last):  # type: ignore[no-untyped-def]
-    """Return the bit in which two sorted codes first differ, or -1 if they are equal."""
-    difference = first ^ last
-    if difference == 0:
-        return -1
-    bit = 62
-    while (difference >> np.uint64(bit)) == 0:
-        bit -= 1
-    return bit
+# Surfaces halve their leaves at nearly every level. Clusters in clusters need not: after SPARE_LEVELS more than
+# LEVELS_PER_HALVING for each time that the leaves are halved, cells are halved by number instead of by place.
+SPARE_LEVELS = 24
+LEVELS_PER_HALVING = 1.5
+# Leaves, vertices and nodes are counted by int32.
+MOST_LEAVES = 2**31 - 1
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
-def _first_with_bit(codes, low, high, bit):  # type: ignore[no-untyped-def]
-    """Return the first index in [low, high) whose code has the bit set; codes agree in all higher bits."""
-    while low < high:
-        middle = (low + high) >> 1
-        if (codes[middle] >> np.uint64(bit)) & np.uint64(1):
-            high = middle
-        else:
-            low = middle + 1
-    return low
+def most_levels(leaves: int) -> int:
+    """Return how many nodes there are at most on a path from the root down."""
+    return int(SPARE_LEVELS + LEVELS_PER_HALVING * math.log2(max(leaves, 1))) + 2
 
 
 @nb.njit(cache=True, nogil=True)
-def _build(codes, min_leaves):  # type: ignore[no-untyped-def]
-    count = len(codes)
+def _largest_step(steps, low, high):  # type: ignore[no-untyped-def]
+    """Return where in (low, high) the leaves take the step of the highest bit; low where all are at one place."""
+    highest = np.uint16(SAME_PLACE)
+    for i in range(low + 1, high):
+        highest = min(highest, steps[i])
+    if highest == SAME_PLACE:
+        return low
+    place = low + 1
+    while steps[place] != highest:
+        place += 1
+    return place
+
+
+@nb.njit(cache=True, nogil=True)
+def _build(steps, min_leaves):  # type: ignore[no-untyped-def]
+    count = len(steps)
     # A chain of nodes can shed fewer than min_leaves leaves at every step: at worst one.
     capacity = count + 1
     first_child = np.empty(capacity, np.int32)
@@ -71,17 +78,18 @@ def _build(codes, min_leaves):  # type: ignore[no-untyped-def]
     begin[0], end[0] = 0, count
     nodes = 1
     node = 0
+    level, level_end = 0, 1
     while node < nodes:
+        if node == level_end:
+            level, level_end = level + 1, nodes
         low, high = begin[node], end[node]
         first_child[node] = nodes
-        bit = _first_difference(codes[low], codes[high - 1])
-        if bit >= 0:
-            middle = _first_with_bit(codes, low, high, bit)
-        elif high - low >= 2 * min_leaves:
-            # All in one cell: no geometry left to split by, so split by number.
+        middle = low
+        if level <= SPARE_LEVELS + LEVELS_PER_HALVING * math.log2(count / (high - low)):
+            middle = _largest_step(steps, low, high)
+        if middle == low and high - low >= 2 * min_leaves:
+            # No geometry left to split by, or too deep for it: split by number.
             middle = (low + high) >> 1
-        else:
-            middle = low
         if middle - low >= min_leaves:
             begin[nodes], end[nodes] = low, middle
             nodes += 1
@@ -93,13 +101,13 @@ def _build(codes, min_leaves):  # type: ignore[no-untyped-def]
     return first_child[:nodes].copy(), child_count[:nodes].copy(), begin[:nodes].copy(), end[:nodes].copy()
 
 
-def build_octree(codes: npt.NDArray[np.uint64], min_leaves: int = MIN_LEAVES) -> Octree:
-    """Build the octree over leaves sorted by Morton code.
+def build_octree(steps: UInt16Array, min_leaves: int = MIN_LEAVES) -> Octree:
+    """Build the octree over leaves in Morton order.
 
-    codes : uint64 (N,), ascending, N >= 1; equal codes are allowed in any number
+    steps : uint16 (N,), N >= 1, the step to each leaf from the one before it, as in `morton_order`
     min_leaves : a cell with fewer leaves gets no node of its own, >= 2
     Raises ValueError where there are no leaves.
     """
-    if len(codes) == 0:
+    if len(steps) == 0:
         raise ValueError("an octree needs at least one leaf")
-    return Octree(*_build(codes, max(2, min_leaves)))
+    return Octree(*_build(steps, max(2, min_leaves)))

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from steps_of_codes import steps_of
 
-from hierarchy.octree import MIN_LEAVES, build_octree
+from hierarchy.morton import SAME_PLACE
+from hierarchy.octree import LEVELS_PER_HALVING, MIN_LEAVES, SPARE_LEVELS, build_octree, most_levels
 
 LAWS = settings(derandomize=True, deadline=None, max_examples=100)
 
@@ -62,19 +64,19 @@ def assert_well_formed(octree, leaf_count, min_leaves):
     # Every node but the root has a parent, every leaf hangs on exactly one node: one path leads to it.
     assert (parents[1:] >= 0).all()
     assert (owners == 1).all()
-    assert depths_of(octree).max() < 128
+    assert depths_of(octree).max() < most_levels(leaf_count) < 128
 
 
 @LAWS
 @given(codes, st.integers(2, 9))
 def test_any_leaves_make_a_well_formed_tree(codes, min_leaves):
-    assert_well_formed(build_octree(codes, min_leaves), len(codes), min_leaves)
+    assert_well_formed(build_octree(steps_of(codes), min_leaves), len(codes), min_leaves)
 
 
 @LAWS
 @given(codes)
 def test_nodes_are_cells_and_their_children_the_halves(codes):
-    octree = build_octree(codes, 2)
+    octree = build_octree(steps_of(codes), 2)
     for node in range(len(octree.first_child)):
         below = [int(c) for c in codes[octree.leaf_begin[node] : octree.leaf_end[node]]]
         split = (below[0] ^ below[-1]).bit_length()
@@ -90,44 +92,53 @@ def test_nodes_are_cells_and_their_children_the_halves(codes):
 
 
 def test_one_leaf():
-    octree = build_octree(np.array([5], np.uint64))
+    octree = build_octree(steps_of(np.array([5], np.uint64)))
     assert_well_formed(octree, 1, MIN_LEAVES)
     assert len(octree.first_child) == 1
 
 
 def test_two_leaves():
-    octree = build_octree(np.array([5, 9], np.uint64))
+    octree = build_octree(steps_of(np.array([5, 9], np.uint64)))
     assert_well_formed(octree, 2, MIN_LEAVES)
     assert len(octree.first_child) == 1
 
 
 def test_all_in_one_cell():
-    octree = build_octree(np.full(100_000, 42, np.uint64))
+    octree = build_octree(steps_of(np.full(100_000, 42, np.uint64)))
     assert_well_formed(octree, 100_000, MIN_LEAVES)
     # Split by number: the tree is balanced.
     assert depths_of(octree).max() <= 17
 
 
-def test_the_deepest_tree_fits_the_traversals_stacks():
-    # Every bit splits off a few leaves, and the last cell holds a hundred thousand.
-    chain = np.repeat(np.uint64(1) << np.arange(63, dtype=np.uint64), MIN_LEAVES)
-    octree = build_octree(np.concatenate([np.zeros(100_000, np.uint64), chain]))
-    assert_well_formed(octree, 100_000 + len(chain), MIN_LEAVES)
-    assert 63 <= depths_of(octree).max() <= 94
+def test_clusters_in_clusters_a_thousand_levels_deep_make_a_shallow_tree():
+    # Every bit of sixteen codes splits off a few leaves, and the last cell holds a hundred thousand.
+    chain = np.repeat(np.arange(1000, dtype=np.uint16), MIN_LEAVES)[::-1]
+    steps = np.concatenate([np.full(100_000, SAME_PLACE, np.uint16), chain])
+    octree = build_octree(steps)
+    assert_well_formed(octree, len(steps), MIN_LEAVES)
+    depths = depths_of(octree)
+    assert SPARE_LEVELS < depths.max() < most_levels(len(steps))
+    # The work: how many nodes a leaf lies below, on average.
+    below = (octree.leaf_end - octree.leaf_begin).sum() / len(steps)
+    assert below <= SPARE_LEVELS + LEVELS_PER_HALVING * np.log2(len(steps))
+
+
+def test_the_largest_models_paths_fit_the_traversals_stacks():
+    assert most_levels(2**31 - 1) < 128
 
 
 def test_a_chain_that_sheds_a_leaf_at_every_level():
-    codes = np.concatenate([np.zeros(4, np.uint64), np.uint64(1) << np.arange(63, dtype=np.uint64)])
-    octree = build_octree(codes, 4)
+    codes = np.concatenate([np.zeros(4, np.uint64), np.uint64(1) << np.arange(20, dtype=np.uint64)])
+    octree = build_octree(steps_of(codes), 4)
     assert_well_formed(octree, len(codes), 4)
-    # 67 leaves: the root, and one child fewer by one leaf at a time, down to 4 leaves.
-    assert len(octree.first_child) == 64
+    # 24 leaves: the root, and one child fewer by one leaf at a time, down to 4 leaves.
+    assert len(octree.first_child) == 21
     assert (octree.child_count[:-1] == 1).all()
 
 
 def test_min_leaves_trades_nodes_for_loose_leaves():
     codes = np.sort(np.random.default_rng(2).integers(0, 2**63, 4000, dtype=np.uint64))
-    nodes = [len(build_octree(codes, n).first_child) for n in (2, 4, 8, 16)]
+    nodes = [len(build_octree(steps_of(codes), n).first_child) for n in (2, 4, 8, 16)]
     assert nodes == sorted(nodes, reverse=True)
     # A binary tree over cells of two leaves or more.
     assert 1000 < nodes[0] < 4000
@@ -137,9 +148,11 @@ def test_min_leaves_trades_nodes_for_loose_leaves():
 def test_fewer_than_two_leaves_make_no_node():
     codes = np.arange(16, dtype=np.uint64)
     for few in (-3, 0, 1):
-        np.testing.assert_array_equal(build_octree(codes, few).leaf_end, build_octree(codes, 2).leaf_end)
+        np.testing.assert_array_equal(
+            build_octree(steps_of(codes), few).leaf_end, build_octree(steps_of(codes), 2).leaf_end
+        )
 
 
 def test_an_octree_needs_a_leaf():
     with pytest.raises(ValueError, match="at least one leaf"):
-        build_octree(np.empty(0, np.uint64))
+        build_octree(np.empty(0, np.uint16))
