@@ -131,19 +131,20 @@ def _outside(planes, x, y, z, radius):  # type: ignore[no-untyped-def]
 
 @nb.njit(cache=True, nogil=True, inline="always")
 def _faces_away(positions, a, b, c, eye):  # type: ignore[no-untyped-def]
-    """Tell whether the eye lies behind the plane of a triangle, or in it."""
+    """Tell whether the eye (homogeneous) lies behind the plane of a triangle, or in it."""
     nx, ny, nz = area_vector(positions, a, b, c)
     px, py, pz = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
-    return nx * (px - eye[0]) + ny * (py - eye[1]) + nz * (pz - eye[2]) >= 0.0
+    return nx * (eye[3] * px - eye[0]) + ny * (eye[3] * py - eye[1]) + nz * (eye[3] * pz - eye[2]) >= 0.0
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
 def _classify(node, x, y, z, facing, distance2, sphere, view):  # type: ignore[no-untyped-def]
     """Return on which side a node faces the eye by its own cone, and by its footprint's.
 
-    facing : dot product of the node's own cone's axis with x, y, z, the vector from the eye to the node
+    x, y, z : from the eye to the node; where the view rays are parallel their direction, and the sphere has no size
+    facing : dot product of the node's own cone's axis with x, y, z
     """
-    _, axis, _, _, printed, sin_view, cos_view = view
+    _, axis, _, _, _, printed, sin_view, cos_view = view
     cone_sin, cone_cos = np.float64(node["cone_sin"]), np.float64(node["cone_cos"])
     if printed:
         along = node["axis_x"] * axis[0] + node["axis_y"] * axis[1] + node["axis_z"] * axis[2]
@@ -178,13 +179,14 @@ def _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed
 
 
 @nb.njit(cache=True, nogil=True)
-def _select(nodes, positions, indices, planes, view, limits, cull_back, openings):  # type: ignore[no-untyped-def]
+def _select(nodes, positions, indices, planes, eye4, view, limits, cull_back, openings):  # type: ignore[no-untyped-def]
     """Traverse breadth-first; what lies on the silhouette fills its array from the front, the rest from the back.
 
+    eye4 : the eye, homogeneous
     cull_back : leave out what faces away, but for bare leaves and what lies where the fronts of caps are seen
     openings : how many bare leaves come before each, and what `beside_caps` needs
     """
-    eye, axis, near, focal, printed, _, _ = view
+    eye, axis, near, focal, parallel, printed, _, _ = view
     bare_before, caps, screen = openings
     any_bare, any_cap = len(bare_before) > 0, len(caps) > 0
     triangles = len(indices) > 0
@@ -205,18 +207,24 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back, openings
         sphere = np.float64(node["sphere"])
         if _outside(planes, x, y, z, sphere):
             continue
-        distance2 = x * x + y * y + z * z
-        facing = node["axis_x"] * x + node["axis_y"] * y + node["axis_z"] * z
-        side, print_side = _classify(node, x, y, z, facing, distance2, sphere, view)
         depth = x * axis[0] + y * axis[1] + z * axis[2]
-        hides_backs = cull_back and (side == FRONT or not any_cap or beside_caps(caps, screen, x, y, z, depth, sphere))
+        # The line of sight, how much it turns within the sphere, and by what lengths on screen are divided.
+        sight_x, sight_y, sight_z, turns, divisor = x, y, z, sphere, depth
+        if parallel:
+            sight_x, sight_y, sight_z, turns, divisor = axis[0], axis[1], axis[2], 0.0, 1.0
+        distance2 = sight_x * sight_x + sight_y * sight_y + sight_z * sight_z
+        facing = node["axis_x"] * sight_x + node["axis_y"] * sight_y + node["axis_z"] * sight_z
+        side, print_side = _classify(node, sight_x, sight_y, sight_z, facing, distance2, turns, view)
+        hides_backs = cull_back and (
+            side == FRONT or not any_cap or beside_caps(caps, screen, x, y, z, divisor, sphere, turns)
+        )
         one_sided = hides_backs and not (any_bare and bare_before[node["leaf_begin"]] < bare_before[node["leaf_end"]])
         if side == BACK and one_sided:
             continue
         silhouette = print_side == SILHOUETTE
         # Draw the node's splat where it is small enough; a node that reaches the near plane or the eye never is.
-        if depth - sphere > near and distance2 > sphere * sphere:
-            pixels = focal / depth
+        if depth - sphere > near and distance2 > turns * turns:
+            pixels = focal / divisor
             limit = _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed, one_sided)
             if node["radius"] * pixels <= limit:
                 if silhouette:
@@ -235,7 +243,7 @@ def _select(nodes, positions, indices, planes, view, limits, cull_back, openings
                 if triangles:
                     a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
                     bare = any_bare and bare_before[leaf] < bare_before[leaf + 1]
-                    if hides_backs and not bare and _faces_away(positions, a, b, c, eye):
+                    if hides_backs and not bare and _faces_away(positions, a, b, c, eye4):
                         continue
                     if silhouette:
                         slot = sil_triangles
@@ -262,11 +270,11 @@ def frustum_planes(view: View) -> Float64Array:
 
     A point p (model axes, relative to the eye) is inside where n.p + d >= 0 for every row (n, d), |n| = 1.
     """
-    f = 1.0 / math.tan(0.5 * view.view_angle)
+    f = 1.0 / view.half_height
     fx = f * view.height / view.width
-    eye_planes = np.array(
-        [[0, 0, -1, -view.near], [fx, 0, -1, 0], [-fx, 0, -1, 0], [0, f, -1, 0], [0, -f, -1, 0]], np.float64
-    )
+    # A side's plane holds the eye or, where the rays are parallel, the axis' direction.
+    z, d = (0.0, 1.0) if view.is_parallel else (-1.0, 0.0)
+    eye_planes = np.array([[0, 0, -1, -view.near], [fx, 0, z, d], [-fx, 0, z, d], [0, f, z, d], [0, -f, z, d]])
     eye_planes /= np.linalg.norm(eye_planes[:, :3], axis=1, keepdims=True)
     eye_planes[:, :3] = eye_planes[:, :3] @ view.eye_from_model[:3, :3]
     return eye_planes
@@ -291,14 +299,16 @@ def select_cut(
     """
     leaves = hierarchy.leaves
     indices = leaves.indices if isinstance(leaves, Triangles) else np.empty((0, 3), np.int32)
+    spread = 0.0 if view.is_parallel else view.view_angle
     eye_and_test = (
         view.eye,
         -view.eye_from_model[2, :3],
         view.near,
         view.focal_pixels,
+        view.is_parallel,
         printed_cone_test,
-        math.sin(view.view_angle),
-        math.cos(view.view_angle),
+        math.sin(spread),
+        math.cos(spread),
     )
     cull_back, caps = (not two_sided, NO_CAP_IN_VIEW) if hierarchy.closed else hidden_backs(hierarchy, view)
     bare_before = NOTHING_BARE if hierarchy.openings is None else hierarchy.openings.bare_before
@@ -307,6 +317,7 @@ def select_cut(
         leaves.positions,
         indices,
         frustum_planes(view),
+        view.homogeneous_eye,
         eye_and_test,
         (float(r_sil), float(r_inner)),
         cull_back,

@@ -50,21 +50,25 @@ def _spread(spreads, node, scale):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _sum_splats(nodes, records, spreads, splats, silhouette, eye, axis, focal, texels, sums, reliefs):  # type: ignore[no-untyped-def]
+def _sum_splats(nodes, records, spreads, splats, silhouette, view, texels, sums, reliefs):  # type: ignore[no-untyped-def]
     """Add to sums the area of the splats and, for each w_s, area * spread; to reliefs length and length * relief.
 
+    view : eye, direction of the axis, focal length in pixels, whether the view rays are parallel
     sums : float64 (1 + W,), pixels and pixels * radians; reliefs : float64 (2,), pixels and pixels^2
     """
+    eye, axis, focal, parallel = view
     for i in range(len(splats)):
         index = splats[i]
         record = records[index]
         centre, normal, box = record["centre"], record["normal"], record["box"]
         x, y, z = centre[0] - eye[0], centre[1] - eye[1], centre[2] - eye[2]
         depth = x * axis[0] + y * axis[1] + z * axis[2]
-        distance = math.sqrt(x * x + y * y + z * z)
         if depth <= 0.0:
             continue
-        pixels = focal / depth
+        pixels = focal if parallel else focal / depth
+        if parallel:
+            x, y, z = axis[0], axis[1], axis[2]
+        distance = math.sqrt(x * x + y * y + z * z)
         cosine = min(abs(normal[0] * x + normal[1] * y + normal[2] * z) / distance, 1.0)
         radius = max(record["radius"] * pixels, 1e-6)
         height = box[3] - TURN_STEP * round(box[3] / TURN_STEP) - box[2]
@@ -86,8 +90,9 @@ def _sum_splats(nodes, records, spreads, splats, silhouette, eye, axis, focal, t
 
 
 @nb.njit(cache=True, nogil=True)
-def _sum_triangles(positions, indices, silhouette, eye, axis, focal, sums, reliefs):  # type: ignore[no-untyped-def]
+def _sum_triangles(positions, indices, silhouette, view, sums, reliefs):  # type: ignore[no-untyped-def]
     """Add the area of the leaf triangles to sums, and the length of those on the silhouette to reliefs."""
+    eye, axis, focal, parallel = view
     for i in range(len(indices)):
         a, b, c = indices[i, 0], indices[i, 1], indices[i, 2]
         px, py, pz = positions[a, 0] - eye[0], positions[a, 1] - eye[1], positions[a, 2] - eye[2]
@@ -96,7 +101,9 @@ def _sum_triangles(positions, indices, silhouette, eye, axis, focal, sums, relie
         depth = px * axis[0] + py * axis[1] + pz * axis[2]
         if depth <= 0.0:
             continue
-        pixels = focal / depth
+        pixels = focal if parallel else focal / depth
+        if parallel:
+            px, py, pz = axis[0], axis[1], axis[2]
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         distance = math.sqrt(px * px + py * py + pz * pz)
         sums[0] += 0.5 * abs(nx * px + ny * py + nz * pz) / distance * pixels * pixels
@@ -107,13 +114,13 @@ def _sum_triangles(positions, indices, silhouette, eye, axis, focal, sums, relie
 
 def _sums(hierarchy: Hierarchy, view: View, cut: Cut, texels: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     sums, reliefs = np.zeros(1 + len(texels)), np.zeros(2)
-    eye, axis = view.eye, -view.eye_from_model[2, :3]
+    eye_and_rays = (view.eye, -view.eye_from_model[2, :3], view.focal_pixels, view.is_parallel)
     arrays = (hierarchy.nodes, hierarchy.splats, hierarchy.spreads, cut.splats, cut.silhouette_splats)
-    _sum_splats(*arrays, eye, axis, view.focal_pixels, np.asarray(texels, np.int64), sums, reliefs)
+    _sum_splats(*arrays, eye_and_rays, np.asarray(texels, np.int64), sums, reliefs)
     leaves = hierarchy.leaves
     if isinstance(leaves, Triangles) and len(cut.indices):
         triangles = (leaves.positions, cut.indices, cut.silhouette_triangles)
-        _sum_triangles(*triangles, eye, axis, view.focal_pixels, sums, reliefs)
+        _sum_triangles(*triangles, eye_and_rays, sums, reliefs)
     return sums, reliefs
 
 

@@ -169,11 +169,12 @@ def _parallel_view(
     parallel_scale: float,
 ) -> View:
     """Move the eye along the axis to before the whole model."""
-    radius = _radius(bounds)
-    depth = _depth_of_centre(eye_from_model, bounds)
-    eye_from_model[2, 3] += depth - PARALLEL_DEPTH * radius
+    radius, depth = _radius(bounds), _depth_of_centre(eye_from_model, bounds)
+    moved = eye_from_model.copy()
+    # Not by a difference to where it was: that may be so far away that the model's size is lost in its rounding.
+    moved[2, 3] = -PARALLEL_DEPTH * radius - float(moved[2, :3] @ np.asarray(bounds[0], np.float64))
     return View(
-        eye_from_model,
+        moved,
         float(view_angle),
         *map(int, resolution),
         near=(PARALLEL_DEPTH - PARALLEL_REACH) * radius,

@@ -36,22 +36,24 @@ def hidden_backs(hierarchy: Hierarchy, view: View) -> tuple[bool, Int32Array]:
     no cap is in view.
     """
     openings = hierarchy.openings
-    if openings is None or _may_be_inside(hierarchy, view.eye):
+    # Parallel rays come from outside.
+    if openings is None or (not view.is_parallel and _may_be_inside(hierarchy, view.eye)):
         return False, NO_CAP_IN_VIEW
     if len(openings.caps) == 0:
         return True, NO_CAP_IN_VIEW
     to_screen, tolerance = screen_rows(view), ON_SURFACE * hierarchy.radius
-    sums: Int32Array = _covered(openings.caps, view.eye, view.eye_from_model[2, :3], to_screen, tolerance)
+    eyes = view.eye, view.homogeneous_eye
+    sums: Int32Array = _covered(openings.caps, *eyes, view.eye_from_model[2, :3], to_screen, tolerance)
     return True, sums
 
 
 def screen_rows(view: View) -> Float64Array:
     """Return rows (x, y, z, length) for columns and rows of the grid, float64 (2, 4).
 
-    The dot product of the first three with a vector from the eye, divided by its depth, is how many cells the picture's
-    middle is left of it, or below it.
+    The dot product of the first three with a vector from the eye, divided by its depth in perspective, is how many
+    cells the picture's middle is left of it, or below it.
     """
-    f = 0.5 * GRID / math.tan(0.5 * view.view_angle)
+    f = 0.5 * GRID / view.half_height
     scales = np.array([[f * view.height / view.width], [f]])
     return np.hstack([scales * view.eye_from_model[:2, :3], scales])
 
@@ -122,22 +124,23 @@ def _largest_winding(nodes, positions, indices, caps, eye, tolerance):  # type: 
 
 @nb.njit(cache=True, nogil=True, inline="always")
 def _faces(cap, eye, tolerance):  # type: ignore[no-untyped-def]
-    """Tell whether the eye is before a cap's plane, or in it."""
+    """Tell whether the eye (homogeneous) is before a cap's plane, or in it."""
     ux, uy, uz = cap[1, 0] - cap[0, 0], cap[1, 1] - cap[0, 1], cap[1, 2] - cap[0, 2]
     vx, vy, vz = cap[2, 0] - cap[0, 0], cap[2, 1] - cap[0, 1], cap[2, 2] - cap[0, 2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    height = nx * (eye[0] - cap[0, 0]) + ny * (eye[1] - cap[0, 1]) + nz * (eye[2] - cap[0, 2])
+    w = eye[3]
+    height = nx * (eye[0] - w * cap[0, 0]) + ny * (eye[1] - w * cap[0, 1]) + nz * (eye[2] - w * cap[0, 2])
     return height >= -tolerance * math.sqrt(nx * nx + ny * ny + nz * nz)
 
 
 @nb.njit(cache=True, nogil=True)
-def _cover(cap, eye, back, screen, cells):  # type: ignore[no-untyped-def]
-    """Mark the cells that a cap can be seen in; all of them where it reaches behind the eye."""
+def _cover(cap, eye, parallel, back, screen, cells):  # type: ignore[no-untyped-def]
+    """Mark the cells that a cap can be seen in; in perspective all of them where it reaches behind the eye."""
     at = np.empty((3, 2), np.float64)
     behind = 0
     for k in range(3):
         x, y, z = cap[k, 0] - eye[0], cap[k, 1] - eye[1], cap[k, 2] - eye[2]
-        depth = -(back[0] * x + back[1] * y + back[2] * z)
+        depth = 1.0 if parallel else -(back[0] * x + back[1] * y + back[2] * z)
         if depth <= 0.0:
             behind += 1
             continue
@@ -158,14 +161,14 @@ def _cover(cap, eye, back, screen, cells):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _covered(caps, eye, back, screen, tolerance):  # type: ignore[no-untyped-def]
+def _covered(caps, eye, eye4, back, screen, tolerance):  # type: ignore[no-untyped-def]
     """Return the sums over the cells that show the front of a cap, or (0, 0) where there is none."""
     cells = np.zeros((GRID, GRID), np.int32)
     corners = np.empty((3, 3), np.float64)
     for k in range(len(caps)):
         corners[:] = caps[k]
-        if _faces(corners, eye, tolerance):
-            _cover(corners, eye, back, screen, cells)
+        if _faces(corners, eye4, tolerance):
+            _cover(corners, eye, eye4[3] == 0.0, back, screen, cells)
     sums = np.zeros((GRID + 1, GRID + 1), np.int32)
     for row in range(GRID):
         along = 0
@@ -187,14 +190,15 @@ def _interval(middle, reach, near, far):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def beside_caps(sums, screen, x, y, z, depth, sphere):  # type: ignore[no-untyped-def]
+def beside_caps(sums, screen, x, y, z, depth, sphere, reach):  # type: ignore[no-untyped-def]
     """Tell whether no cap is seen where a sphere is.
 
     sums : as `hidden_backs` returns them, not (0, 0)
     screen : as in `screen_rows`
-    x, y, z, depth : the sphere's centre relative to the eye, and its depth
+    x, y, z, depth : the sphere's centre relative to the eye, and its depth; 1 where the view rays are parallel
+    sphere, reach : its radius, and by how much depth differs in it: as much, or 0 where the view rays are parallel
     """
-    near, far = depth - sphere, depth + sphere
+    near, far = depth - reach, depth + reach
     if near <= 0.0:
         return False
     across = screen[0, 0] * x + screen[0, 1] * y + screen[0, 2] * z

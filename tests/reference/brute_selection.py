@@ -104,7 +104,7 @@ def select(
 ) -> Selection:
     """Choose what draws a view, as `hierarchy.lod.select_cut` does."""
     nodes, selection = hierarchy.nodes, Selection()
-    planes, ahead = clip_planes(view), -view.eye_from_model[2, :3]
+    planes, ahead, parallel = clip_planes(view), -view.eye_from_model[2, :3], view.is_parallel
     cull_back, caps = not two_sided, np.zeros((GRID, GRID), np.bool_)
     if not hierarchy.closed:
         cull_back, sums = hidden_backs(hierarchy, view)
@@ -117,12 +117,14 @@ def select(
         selection.visited += 1
         centre, sphere = vector(node), float(node["sphere"])
         to_centre = centre - view.eye
+        # Parallel rays: as from infinitely far away, where the sphere is a point.
+        sight, spread = (ahead, 0.0) if parallel else (to_centre, sphere)
         own, print_ = half_angle_of(node, "cone"), half_angle_of(node, "print")
         if printed_cone_test:
-            side = print_side = side_as_printed(vector(node, "axis_"), own, ahead, view.view_angle)
+            side = print_side = side_as_printed(vector(node, "axis_"), own, ahead, 0.0 if parallel else view.view_angle)
         else:
-            side = side_of_cone(vector(node, "axis_"), own, to_centre, sphere)
-            print_side = side_of_cone(vector(node, "print_"), print_, to_centre, sphere)
+            side = side_of_cone(vector(node, "axis_"), own, sight, spread)
+            print_side = side_of_cone(vector(node, "print_"), print_, sight, spread)
         outside = (planes[:, :3] @ centre + planes[:, 3] < -sphere).any()
         hides_backs = cull_back and (side == FRONT or not caps[cells_of_sphere(view, centre, sphere)].any())
         one_sided = hides_backs and not bare[node["leaf_begin"] : node["leaf_end"]].any()
@@ -131,13 +133,13 @@ def select(
             continue
         silhouette = print_side == SILHOUETTE
         depth = float(to_centre @ ahead)
-        if depth - sphere > view.near and np.linalg.norm(to_centre) > sphere:
-            pixels = view.focal_pixels / depth
+        if depth - sphere > view.near and (parallel or np.linalg.norm(to_centre) > sphere):
+            pixels = view.focal_pixels / (1.0 if parallel else depth)
             fine = silhouette
             if not printed_cone_test:
                 bent = print_ > math.acos(BENT_COSINE)
                 relief = float(node["relief"]) * pixels
-                tilt = math.acos(np.clip(vector(node, "axis_") @ to_centre / np.linalg.norm(to_centre), -1.0, 1.0))
+                tilt = math.acos(np.clip(vector(node, "axis_") @ sight / np.linalg.norm(sight), -1.0, 1.0))
                 fine = (silhouette or bent) and relief > RELIEF_OF_R_SIL * r_sil
                 fine = fine or relief * math.sin(tilt) > max(PARALLAX, PARALLAX_OF_R_SIL * r_sil)
             limit = r_sil if fine else r_inner
@@ -151,7 +153,7 @@ def select(
         below = {leaf for child in children for leaf in range(nodes[child]["leaf_begin"], nodes[child]["leaf_end"])}
         for leaf in set(range(node["leaf_begin"], node["leaf_end"])) - below:
             triangles = hierarchy.leaves if isinstance(hierarchy.leaves, Triangles) else None
-            if hides_backs and not bare[leaf] and triangles is not None and faces_away(triangles, leaf, view.eye):
+            if hides_backs and not bare[leaf] and triangles is not None and faces_away(triangles, leaf, view):
                 selection.culled.add(leaf)
             else:
                 selection.leaves[leaf] = silhouette
@@ -168,18 +170,20 @@ def bare_leaves(hierarchy: Hierarchy) -> npt.NDArray[np.bool_]:
 def cells_of_sphere(view: View, centre: Float64Array, sphere: float) -> tuple[slice, slice]:
     """Return the rows and columns of the grid that can show some of a sphere: those of the box around it."""
     x, y, z = view.eye_from_model[:3, :3] @ centre + view.eye_from_model[:3, 3]
-    if -z <= sphere:
+    if -z <= sphere and not view.is_parallel:
         return slice(0, GRID), slice(0, GRID)
     slices = []
-    half_height = math.tan(0.5 * view.view_angle)
+    half_height = math.tan(0.5 * view.view_angle) if view.parallel_scale is None else view.parallel_scale
+    depths = (1.0,) if view.is_parallel else (-z - sphere, -z + sphere)
     for middle, half in ((y, half_height), (x, half_height * view.width / view.height)):
-        ends = [(middle + s) / ((-z + t) * half) for s in (-sphere, sphere) for t in (-sphere, sphere)]
+        ends = [(middle + s) / (depth * half) for s in (-sphere, sphere) for depth in depths]
         first, last = (int(np.clip(np.floor(0.5 * GRID * (1.0 + end)), 0, GRID - 1)) for end in (min(ends), max(ends)))
         slices.append(slice(first, last + 1))
     return slices[0], slices[1]
 
 
-def faces_away(triangles: Triangles, leaf: int, eye: Float64Array) -> bool:
-    """Tell whether the eye is behind a triangle's plane, or in it."""
+def faces_away(triangles: Triangles, leaf: int, view: View) -> bool:
+    """Tell whether the eye is behind a triangle's plane, or in it; parallel rays meet its back, or run along it."""
     a, b, c = triangles.positions[triangles.indices[leaf]].astype(np.float64)
-    return bool(np.cross(b - a, c - a) @ (a - eye) >= 0.0)
+    ray = -view.eye_from_model[2, :3] if view.is_parallel else a - view.eye
+    return bool(np.cross(b - a, c - a) @ ray >= 0.0)

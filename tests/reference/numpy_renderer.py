@@ -31,7 +31,7 @@ class Discs:
 
     centres, normals : (N, 3), normals unit
     radii, epsilons : (N,), epsilons the lengths by which the visibility pass pushes the centres back; the whole disc
-        is scaled about the eye, so that it stays plane and covers the same pixels
+        is scaled about the eye, or shifted along parallel view rays, so that it stays plane and covers the same pixels
     o1, o2 : (N, 3), unit tangents, for the tiles' coordinates
     tile_normals : the normal at a point of a disc; None for the discs' own normals
     boxes, angles : (N, 4) and (N,), what is drawn of each disc: low and high ends along u and along v, which are o1 and
@@ -54,7 +54,8 @@ class Triangles:
     """Leaf triangles in model space.
 
     corners, corner_normals : (M, 3, 3), [triangle, corner, axis]
-    epsilons : (M,), the shares of their distance from the eye by which the visibility pass pushes back
+    epsilons : (M,), the shares of their distance from the eye by which the visibility pass pushes back; lengths where
+        the view rays are parallel
     weight : of every fragment
     """
 
@@ -185,15 +186,30 @@ def cracks(sums: Float64Array) -> tuple[BoolArray, Float64Array]:
     return (sums[..., -1] <= 0.0) & (next_straight > 0) & enclosed, around
 
 
-def pixel_rays(view: View, offset: tuple[float, float] = (0.0, 0.0)) -> Float64Array:
-    """Return eye-space directions (H, W, 3) through the pixels, z = -1.
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """View rays in eye space: where they start and their directions, z = -1, (H, W, 3) each."""
+
+    starts: Float64Array
+    directions: Float64Array
+
+    @property
+    def moments(self) -> Float64Array:
+        """Directions x starts, (H, W, 3): with the directions the rays' Pluecker coordinates."""
+        return np.cross(self.directions, self.starts)
+
+
+def pixel_rays(view: View, offset: tuple[float, float] = (0.0, 0.0)) -> Rays:
+    """Return the rays through the pixels: from the eye, or parallel ones from the plane through it.
 
     offset : right and down from the pixels' centres, in pixels
     """
     x = (np.arange(view.width) + 0.5 + offset[0] - 0.5 * view.width) / view.focal_pixels
     y = (0.5 * view.height - np.arange(view.height) - 0.5 - offset[1]) / view.focal_pixels
     grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
-    return np.stack([grid_x, grid_y, np.full_like(grid_x, -1.0)], axis=-1)
+    across = np.stack([grid_x, grid_y, np.zeros_like(grid_x)], axis=-1)
+    ahead = np.broadcast_to(np.array([0.0, 0.0, -1.0]), across.shape)
+    return Rays(across, ahead) if view.is_parallel else Rays(np.zeros_like(across), across + ahead)
 
 
 def bilinear_tile(tile: Float64Array, u: Float64Array, v: Float64Array) -> Float64Array:
@@ -210,21 +226,22 @@ def bilinear_tile(tile: Float64Array, u: Float64Array, v: Float64Array) -> Float
 
 
 def _disc_fragments(
-    view: View, rays: Float64Array, discs: Discs, kernel: Kernel, cull_back_faces: bool
+    view: View, rays: Rays, discs: Discs, kernel: Kernel, cull_back_faces: bool
 ) -> Iterator[Fragments]:
     """Yield the fragments of each disc: where the ray meets its plane within its radius (Phong Splatting eq. 6)."""
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
     for i, radius in enumerate(discs.radii):
         centre, normal = rotation @ discs.centres[i] + translation, rotation @ discs.normals[i]
-        if cull_back_faces and np.dot(centre, normal) >= 0.0:
+        if cull_back_faces and (-normal[2] if view.is_parallel else np.dot(centre, normal)) >= 0.0:
             continue
-        slope = rays @ normal
-        parameter = np.divide(np.dot(centre, normal), slope, out=np.zeros_like(slope), where=slope != 0.0)
-        points = rays * parameter[..., None]
+        slope = rays.directions @ normal
+        parameter = np.divide((centre - rays.starts) @ normal, slope, out=np.zeros_like(slope), where=slope != 0.0)
+        points = rays.starts + rays.directions * parameter[..., None]
         rho2 = ((points - centre) ** 2).sum(axis=-1) / radius**2
         epsilon = float(discs.epsilons[i])
-        factor = 1.0 + epsilon / max(float(np.linalg.norm(centre)), epsilon, np.finfo(np.float64).tiny)
-        mask = (rho2 <= 1.0) & (factor * parameter >= view.near) & (parameter <= view.far)
+        share = epsilon / max(float(np.linalg.norm(centre)), epsilon, np.finfo(np.float64).tiny)
+        pushed = parameter + epsilon if view.is_parallel else (1.0 + share) * parameter
+        mask = (rho2 <= 1.0) & (pushed >= view.near) & (parameter <= view.far)
         if discs.boxes is not None and discs.angles is not None:
             at = (points - centre) @ rotation / radius
             x, y, c, s = at @ discs.o1[i], at @ discs.o2[i], np.cos(discs.angles[i]), np.sin(discs.angles[i])
@@ -240,32 +257,36 @@ def _disc_fragments(
             normals = discs.tile_normals(i, offset @ discs.o1[i], offset @ discs.o2[i])
         depth = parameter[mask]
         weight = np.where(depth >= view.near, kernel(rho2[mask]), 0.0)
-        yield Fragments(mask, depth, factor * depth, weight, normals)
+        yield Fragments(mask, depth, pushed[mask], weight, normals)
 
 
 def _triangle_fragments(
-    view: View, rays: Float64Array, triangles: Triangles, cull_back_faces: bool
+    view: View, rays: Rays, triangles: Triangles, cull_back_faces: bool
 ) -> Iterator[Fragments]:
     """Yield the fragments of each triangle: where the ray's barycentric coordinates are not negative."""
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
+    moments = rays.moments
     for corners, normals, epsilon in zip(triangles.corners, triangles.corner_normals, triangles.epsilons, strict=True):
         a, b, c = corners @ rotation.T + translation
         face = np.cross(b - a, c - a)
-        height = np.dot(a, face)  # below 0 where the front is turned to the eye
+        # Below 0 where the front is turned to the eye.
+        height = -face[2] if view.is_parallel else np.dot(a, face)
         if height == 0.0 or (cull_back_faces and height > 0.0):
             continue
-        # Each edge and the eye span a plane; the ray's sides of the three are the barycentric coordinates, up to a
-        # common factor.
-        sides = np.stack([rays @ np.cross(b, c), rays @ np.cross(c, a), rays @ np.cross(a, b)], axis=-1) / height
-        total = sides.sum(axis=-1)
-        parameter = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0.0)
-        factor = 1.0 + float(epsilon)
-        mask = (sides >= 0.0).all(axis=-1) & (factor * parameter >= view.near) & (parameter <= view.far)
+        # On which side of the ray each edge lies, and how far, is a barycentric coordinate up to a common factor.
+        edges = ((b, c), (c, a), (a, b))
+        sides = [rays.directions @ np.cross(p, q) - moments @ (q - p) for p, q in edges]
+        coordinates = np.stack(sides, axis=-1) / height
+        total = coordinates.sum(axis=-1)
+        inside = (coordinates >= 0.0).all(axis=-1) & (total > 0.0)
+        coordinates = np.divide(coordinates, total[..., None], out=np.zeros_like(coordinates), where=inside[..., None])
+        parameter = -(coordinates @ np.stack([a, b, c])[:, 2])
+        pushed = parameter + float(epsilon) if view.is_parallel else (1.0 + float(epsilon)) * parameter
+        mask = inside & (pushed >= view.near) & (parameter <= view.far)
         if not mask.any():
             continue
         depth = parameter[mask]
-        weights = sides[mask] * depth[:, None]
-        shading = weights @ normals
+        shading = coordinates[mask] @ normals
         shading = shading / np.linalg.norm(shading, axis=1, keepdims=True)
         weight = np.where(depth >= view.near, triangles.weight, 0.0)
-        yield Fragments(mask, depth, factor * depth, weight, shading)
+        yield Fragments(mask, depth, pushed[mask], weight, shading)
