@@ -27,7 +27,7 @@ def graphics_errors() -> Iterator[None]:
     """Turn what the driver and the renderer refuse inside the block into a GraphicsError."""
     import moderngl
 
-    from renderer.buffers import GpuError
+    from renderer.allocation import GpuError
 
     try:
         yield

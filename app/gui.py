@@ -7,6 +7,7 @@ from collections.abc import Callable
 import glfw
 from imgui_bundle import imgui
 from imgui_bundle.python_backends.glfw_backend import GlfwRenderer
+from OpenGL import GL
 
 from app.glfw_window import GlfwWindow
 from app.theme import apply_theme, load_fonts
@@ -59,6 +60,8 @@ class Gui:
         imgui.new_frame()
         describe(scale)
         imgui.render()
+        # The backend leaves the program in use that it found; one that has been released since cannot be used again.
+        GL.glUseProgram(0)
         self._backend.render(imgui.get_draw_data())
 
     def move_mouse(self, x: float, y: float) -> None:

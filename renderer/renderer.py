@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import moderngl
 import numpy as np
 
@@ -9,8 +11,10 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View, screen_box
+from renderer.allocation import GpuError
 from renderer.buffers import SplatBuffers, TileTextures
 from renderer.frame import Frame
+from renderer.limits import Limits, probe_limits
 from renderer.resolve_passes import MARKED, MATCAP_UNIT, Resolve
 from renderer.settings import Settings
 from renderer.splat_passes import (
@@ -29,9 +33,13 @@ from renderer.timers import StageTimers
 class Renderer:
     """Draws cuts of one hierarchy at a time: visibility, attributes, resolve (Botsch et al. 2005)."""
 
-    def __init__(self, ctx: moderngl.Context) -> None:
-        """ctx : OpenGL 3.3 core or later; the renderer leaves it current and owns nothing else of it."""
+    def __init__(self, ctx: moderngl.Context, limits: Limits | None = None) -> None:
+        """Ask the context for its limits, unless they are given.
+
+        ctx : OpenGL 3.3 core or later; the renderer leaves it current and owns nothing else of it
+        """
         self._ctx = ctx
+        self.limits = limits or probe_limits(ctx)
         self._timers = StageTimers(ctx)
         self._cut_buffers = CutBuffers(ctx)
         self._hierarchy: Hierarchy | None = None
@@ -50,7 +58,7 @@ class Renderer:
 
         Raises GpuError where it does not fit; the last one is then still there.
         """
-        buffers = SplatBuffers(self._ctx, hierarchy)
+        buffers = SplatBuffers(self._ctx, hierarchy, self.limits)
         self.set_tiles(None)
         self._release_passes()
         if self._buffers is not None:
@@ -63,7 +71,7 @@ class Renderer:
 
         Raises GpuError where they do not fit; the last ones are then still there.
         """
-        textures = None if tiles is None else TileTextures(self._ctx, tiles)
+        textures = None if tiles is None else TileTextures(self._ctx, tiles, self.limits)
         if self._tiles is not None:
             self._tiles.release()
         self._tiles = textures
@@ -75,10 +83,13 @@ class Renderer:
         """Draw a cut of the hierarchy into a framebuffer of the view's size, and leave that bound.
 
         Its viewport, scissor and depth do not matter and stay as they are; it has one colour attachment.
-        Raises RuntimeError where no hierarchy was set.
+        Where floats do not blend the nearest splat alone shows, as without `settings.blending`.
+        Raises RuntimeError where no hierarchy was set, GpuError where there is no memory for the frame.
         """
         if self._hierarchy is None or self._buffers is None:
             raise RuntimeError("set_hierarchy comes before draw")
+        self._last = None
+        settings = settings if self.limits.float_blending else replace(settings, blending=False)
         tint = settings.silhouette_overlay or settings.splat_outlines or settings.lod_colors
         variant = self._variant(settings, depth=False, tint=tint)
         targets = self._targets_for(view, variant)
@@ -102,13 +113,14 @@ class Renderer:
     def read_arrays(self) -> Frame:
         """Return the frame that was drawn last as arrays; its framebuffer must still hold the picture.
 
-        Raises RuntimeError where nothing was drawn since the hierarchy or its tiles were set.
+        Raises RuntimeError where nothing was drawn since the hierarchy or its tiles were set, GpuError where there is
+        no memory for the arrays.
         """
         if self._last is None or self._buffers is None:
             raise RuntimeError("draw comes before read_arrays")
         cut, view, settings, framebuffer = self._last
+        targets = self._make_targets(view, color=False, depth=True)
         variant = self._variant(settings, depth=True, tint=False)
-        targets = Targets(self._ctx, (view.width, view.height), color=False, depth=True)
         try:
             self._enter()
             uniforms = self._upload(cut, view, settings)
@@ -154,6 +166,11 @@ class Renderer:
         return self._timers.milliseconds
 
     @property
+    def untiled(self) -> int:
+        """Splats of the last frame that were drawn with one normal each, as there was no room for their tiles."""
+        return 0 if self._tiles is None else self._tiles.untiled
+
+    @property
     def gpu_bytes(self) -> int:
         """Bytes of buffers and textures on the GPU."""
         held = (self._buffers, self._tiles, self._targets, self._cut_buffers)
@@ -173,10 +190,10 @@ class Renderer:
     def _upload(self, cut: Cut, view: View, settings: Settings) -> dict[str, object]:
         """Bring the cut to the GPU and bind the hierarchy; return the uniforms of the passes."""
         assert self._buffers is not None
-        self._cut_buffers.upload(cut, None if self._tiles is None else self._tiles.tiles)
+        self._cut_buffers.upload(cut, self._tiles)
         return pass_uniforms(cut, view, settings, self._buffers, self._tiles)
 
-    def _variant(self, settings: Settings, *, depth: bool, tint: bool) -> Variant:
+    def _variant(self, settings: Settings, view: View, *, depth: bool, tint: bool) -> Variant:
         assert self._buffers is not None
         color = self._buffers.colors is not None and not depth
         return Variant(
@@ -192,11 +209,18 @@ class Renderer:
         if self._targets is None or self._targets.size != size or self._targets.kind != kind:
             if self._targets is not None:
                 self._targets.release()
-            self._targets = Targets(self._ctx, size, color=kind[0], depth=kind[1], tint=kind[2])
+            self._targets = None
+            self._targets = self._make_targets(view, *kind)
         return self._targets
 
     def _pass(self, kind: str, variant: Variant, targets: Targets) -> SplatPass:
-        """Return the pass for a variant; of the visibility pass there is one for each kind of splat."""
+    def _make_targets(self, view: View, color: bool, depth: bool, tint: bool = False) -> Targets:
+        size, most = (view.width, view.height), self.limits.picture_size
+        if size[0] > most[0] or size[1] > most[1]:
+            raise GpuError("a picture of {} x {} pixels; this graphics card draws {} x {}".format(*size, *most))
+        return Targets(self._ctx, size, color=color, depth=depth, tint=tint)
+
+        """Return the pass for a variant; of the visibility pass there is one for each kind of splat and projection."""
         assert self._buffers is not None
         if kind == "visibility":
             variant = Variant(normal_mapping=False, sprite=variant.sprite, color=False, depth=False, tint=False)

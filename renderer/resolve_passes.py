@@ -6,6 +6,7 @@ import math
 
 import moderngl
 import numpy as np
+from renderer.allocation import allocating
 
 from hierarchy.view import View
 from renderer.matcaps import MATCAPS, make_matcap
@@ -95,21 +96,24 @@ class Resolve:
         targets.visibility.scissor = targets.picture.scissor = None  # type: ignore[assignment]
 
     def arrays(self, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
-        """Return eye-space normal and coverage, float32 (H, W, 4), and depth, float32 (H, W); row 0 at the top."""
+        """Return eye-space normal and coverage, float32 (H, W, 4), and depth, float32 (H, W); row 0 at the top.
+
+        Raises GpuError where there is no memory for them.
+        """
         width, height = targets.size
-        outputs = [self._ctx.texture(targets.size, 4, dtype="f4"), self._ctx.texture(targets.size, 1, dtype="f4")]
-        framebuffer = self._ctx.framebuffer(outputs)
+        with allocating(self._ctx, f"the arrays of {width} x {height} pixels") as held:
+            normals = held.add(self._ctx.texture(targets.size, 4, dtype="f4"))
+            depths = held.add(self._ctx.texture(targets.size, 1, dtype="f4"))
+            framebuffer = held.add(self._ctx.framebuffer([normals, depths]))
         try:
             framebuffer.use()
             self._pass("resolve_arrays.frag", _kinds(targets)).render(self._bind(targets))
-            normal = np.frombuffer(outputs[0].read(), np.float32).reshape(height, width, 4)[::-1]
-            depth = np.frombuffer(outputs[1].read(), np.float32).reshape(height, width)[::-1]
+            normal = np.frombuffer(normals.read(), np.float32).reshape(height, width, 4)[::-1]
+            depth = np.frombuffer(depths.read(), np.float32).reshape(height, width)[::-1]
         finally:
             # moderngl rebinds the framebuffer that it used last; it must not be one that is gone.
             targets.attributes.use()
-            framebuffer.release()
-            for texture in outputs:
-                texture.release()
+            held.release()
         return normal, depth
 
     def release(self) -> None:

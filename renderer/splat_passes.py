@@ -12,8 +12,8 @@ import numpy as np
 
 from hierarchy.kernel import SHARPNESS
 from hierarchy.lod import Cut
-from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View
+from renderer.allocation import allocating
 from renderer.buffers import RECORD_WIDTH, SplatBuffers, TileTextures
 from renderer.programs import make_program
 from renderer.settings import Settings
@@ -87,15 +87,20 @@ class CutBuffers:
         self.splats = ctx.buffer(reserve=8, dynamic=True)
         self.indices = ctx.buffer(reserve=12, dynamic=True)
 
-    def upload(self, cut: Cut, tiles: NormalTiles | None) -> None:
-        """Bring a cut to the GPU, with the tiles of its splats where there are any."""
+    def upload(self, cut: Cut, tiles: TileTextures | None) -> None:
+        """Bring a cut to the GPU, with the tiles of its splats where there are any.
+
+        Raises GpuError where there is no room for it.
+        """
         splats = np.empty((len(cut.splats), 2), np.int32)
+        self._ctx = ctx
         splats[:, 0] = cut.splats
-        splats[:, 1] = -1 if tiles is None else tiles.tiles_of(cut.splats)
+        splats[:, 1] = -1 if tiles is None else tiles.slots_of(cut.splats)
         for buffer, array in ((self.splats, splats), (self.indices, cut.indices)):
             if array.nbytes > buffer.size:
                 # Room for half as much again: a cut that grows a little every frame shall not reallocate every frame.
-                buffer.orphan(array.nbytes + array.nbytes // 2)
+                with allocating(self._ctx, "a frame's splats"):
+                    buffer.orphan(array.nbytes + array.nbytes // 2)
             if len(array):
                 buffer.write(np.ascontiguousarray(array))
 

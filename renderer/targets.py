@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import moderngl
 
+from renderer.allocation import allocating
+
 
 class Targets:
     """Depth and sums of one size.
@@ -16,29 +18,33 @@ class Targets:
     def __init__(
         self, ctx: moderngl.Context, size: tuple[int, int], *, color: bool, depth: bool = False, tint: bool = False
     ) -> None:
+        """Raises GpuError where there is no memory for them."""
         self.size, self.kind = size, (color, depth, tint)
-        self.visible_depth = ctx.depth_texture(size)
-        # Read with texelFetch, never compared.
-        self.visible_depth.compare_func = ""
-        self.sums: dict[str, moderngl.Texture] = {"normal": ctx.texture(size, 4, dtype="f2")}
-        if color:
-            self.sums["color"] = ctx.texture(size, 4, dtype="f2")
-        if depth:
-            # Distances need more than the 11 bits of a half float.
-            self.sums["depth"] = ctx.texture(size, 2, dtype="f4")
-        if tint:
-            self.sums["tint"] = ctx.texture(size, 4, dtype="f2")
-        for texture in self.sums.values():
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        # Depth only: a colour mask of False did not stop colour writes.
-        self.visibility = ctx.framebuffer([], self.visible_depth)
-        self.attributes = ctx.framebuffer(list(self.sums.values()), self.visible_depth)
-        self._color = ctx.texture(size, 4)
-        self.picture = ctx.framebuffer([self._color], self.visible_depth)
-        # The same without the depth buffer: to clear the sums and keep it, and to copy the picture into framebuffers
-        # whose depth has another format, which OpenGL refuses to copy.
-        self._sums_only = ctx.framebuffer(list(self.sums.values()))
-        self.picture_only = ctx.framebuffer([self._color])
+        with allocating(ctx, "a picture of {} x {} pixels".format(*size)) as held:
+            self._held = held
+            self.visible_depth = held.add(ctx.depth_texture(size))
+            # Read with texelFetch, never compared.
+            self.visible_depth.compare_func = ""
+            self.sums: dict[str, moderngl.Texture] = {"normal": held.add(ctx.texture(size, 4, dtype="f2"))}
+            if color:
+                self.sums["color"] = held.add(ctx.texture(size, 4, dtype="f2"))
+            if depth:
+                # Distances need more than the 11 bits of a half float.
+                self.sums["depth"] = held.add(ctx.texture(size, 2, dtype="f4"))
+            if tint:
+                self.sums["tint"] = held.add(ctx.texture(size, 4, dtype="f2"))
+            for texture in self.sums.values():
+                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            sums = list(self.sums.values())
+            # Depth only: a colour mask of False did not stop colour writes.
+            self.visibility = held.add(ctx.framebuffer([], self.visible_depth))
+            self.attributes = held.add(ctx.framebuffer(sums, self.visible_depth))
+            color_texture = held.add(ctx.texture(size, 4))
+            self.picture = held.add(ctx.framebuffer([color_texture], self.visible_depth))
+            # The same without the depth buffer: to clear the sums and keep it, and to copy the picture into
+            # framebuffers whose depth has another format, which OpenGL refuses to copy.
+            self._sums_only = held.add(ctx.framebuffer(sums))
+            self.picture_only = held.add(ctx.framebuffer([color_texture]))
 
     def location(self, name: str) -> int:
         """Return the colour attachment of a sum."""
@@ -55,8 +61,4 @@ class Targets:
         return width * height * (8 + sum(t.components * texel[t.dtype] for t in self.sums.values()))
 
     def release(self) -> None:
-        for framebuffer in (self.visibility, self.attributes, self.picture, self._sums_only, self.picture_only):
-            framebuffer.release()
-        self.visible_depth.release()
-        for texture in (self._color, *self.sums.values()):
-            texture.release()
+        self._held.release()

@@ -43,7 +43,7 @@ uniform int layer_size;
 #endif
 #ifdef COLOR
 flat out vec3 v_color;
-uniform sampler2D splat_colors;
+uniform sampler2DArray splat_colors;
 #endif
 #ifdef TINT
 flat out vec4 v_tint;
@@ -66,6 +66,7 @@ float sprite_size(vec3 centre, vec3 normal, float radius)
 }
 
 void main()
+#endif
 {
     int index = int(in_splat);
     Splat splat = fetch_splat(index);
@@ -83,6 +84,7 @@ void main()
     vec3 o1, o2;
     tangents(splat.normal, o1, o2);
 #ifdef VISIBILITY
+#endif
     float push = epsilon.x * splat.thickness + epsilon.y * splat.radius;
     // All of the disc by the same factor: a push by a length along each ray would bend it.
     float factor = 1.0 + push / max(length(centre), push);
@@ -114,7 +116,7 @@ void main()
     }
 #endif
 #ifdef COLOR
-    v_color = texelFetch(splat_colors, ivec2(index % RECORD_WIDTH, index / RECORD_WIDTH), 0).rgb;
+    v_color = texelFetch(splat_colors, record_texel(index, textureSize(splat_colors, 0).y), 0).rgb;
 #endif
 #ifdef TINT
 #ifndef SPRITE

@@ -17,7 +17,8 @@ from hierarchy.lod import Cut, select_cut
 from hierarchy.model import PointCloud
 from hierarchy.normal_tiles import LAYER_SIZE, NormalTiles, bake_tiles
 from hierarchy.view import View, look_at
-from renderer.buffers import RECORD_WIDTH, GpuError, check_memory, data_texture
+from renderer.allocation import GpuError, Held, allocating
+from renderer.buffers import RECORD_WIDTH, record_texture
 from renderer.frame import Frame
 from renderer.renderer import Renderer
 from renderer.settings import Settings
@@ -196,41 +197,35 @@ def test_tiles_in_many_layers_are_found(draw: Draw, meteoroid: Scene) -> None:
 def test_what_does_not_fit_leaves_the_old_one_in_place(
     ctx: moderngl.Context, draw: Draw, renderer: Renderer, meteoroid: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def no_memory(*_: object) -> None:
-        raise GpuError("no memory")
-
     hierarchy, tiles = meteoroid
     before, cut = draw(view_of(hierarchy), hierarchy, tiles)
     held = renderer.gpu_bytes
-    layers = ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"] + 1
-    many = np.broadcast_to(np.zeros(1, np.uint8), (layers, LAYER_SIZE, LAYER_SIZE, 2))
-    with pytest.raises(GpuError, match="smaller w_s"):
-        renderer.set_tiles(NormalTiles(16, 1, 1, many, None))
     with monkeypatch.context() as patch:
-        patch.setattr("renderer.buffers.check_memory", no_memory)
-        with pytest.raises(GpuError, match="no memory"):
+        patch.setattr("renderer.allocation._read_errors", lambda ctx: ["GL_OUT_OF_MEMORY"])
+        with pytest.raises(GpuError, match="does not hold the model"):
             renderer.set_hierarchy(hierarchy)
-        with pytest.raises(GpuError, match="no memory"):
+        with pytest.raises(GpuError, match="smaller w_s"):
             renderer.set_tiles(tiles)
     assert renderer.gpu_bytes == held
     assert same(draw(view_of(hierarchy), hierarchy, tiles, cut=cut)[0], before)
 
 
-def test_more_splats_than_a_texture_holds_are_an_error(ctx: moderngl.Context) -> None:
-    texels = np.broadcast_to(np.zeros((1, 4), np.float32), (RECORD_WIDTH * ctx.info["GL_MAX_TEXTURE_SIZE"] + 1, 4))
+def test_more_splats_than_a_texture_has_layers_for_are_an_error(ctx: moderngl.Context, renderer: Renderer) -> None:
+    limits = dataclasses.replace(renderer.limits, texture_size=2, array_layers=3)
+    texels = np.zeros((RECORD_WIDTH * 6 + 1, 4), np.float32)
     with pytest.raises(GpuError, match="too many splats"):
-        data_texture(ctx, texels, 4, "f4")
+        record_texture(ctx, limits, Held(), texels, "f4")
 
 
 def test_memory_that_is_not_there_is_an_error(ctx: moderngl.Context) -> None:
-    check_memory(ctx, "nothing")
+    with allocating(ctx, "nothing"):
+        pass
     # 64 GB: 2,048 layers are the least that every OpenGL has, and 256 at least in 3.3.
     layers = ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]
-    huge = ctx.texture_array((2048, 2048, layers), 4, dtype="f4")
-    with pytest.raises(GpuError, match="does not hold the model"):
-        check_memory(ctx, "the model")
-    huge.release()
-    check_memory(ctx, "nothing")
+    with pytest.raises(GpuError, match="does not hold the model"), allocating(ctx, "the model") as held:
+        held.add(ctx.texture_array((2048, 2048, layers), 4, dtype="f4"))
+    with allocating(ctx, "nothing"):
+        pass
 
 
 def test_what_it_costs(ctx: moderngl.Context, draw: Draw, renderer: Renderer, meteoroid: Scene) -> None:

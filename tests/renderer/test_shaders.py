@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import moderngl
@@ -16,11 +17,14 @@ from hierarchy.boxes import TURN_STEP, TURNS
 from hierarchy.encoding import decode_hemisphere, encode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.hierarchy import SPLAT
-from renderer.buffers import RECORD_WIDTH, TEXELS_PER_SPLAT, data_texture
+from renderer.allocation import Held
+from renderer.buffers import RECORD_WIDTH, TEXELS_PER_SPLAT, record_texture
+from renderer.limits import Limits
 from renderer.programs import make_program, shader_source
 from renderer.splat_passes import Variant
 from renderer.targets import Targets
 
+LIMITS = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
 FOLDER = Path(shaders.__file__).parent
 STAGES = sorted(path.name for path in FOLDER.iterdir() if path.suffix in (".vert", ".frag"))
 INCLUDES = sorted(path.name for path in (FOLDER / "include").iterdir())
@@ -40,7 +44,12 @@ void main()
 
 
 def evaluate(
-    ctx: moderngl.Context, includes: Iterable[str], body: str, texture: moderngl.Texture, defines: str = ""
+    ctx: moderngl.Context,
+    includes: Iterable[str],
+    body: str,
+    texture: moderngl.Texture,
+    defines: str = "",
+    **units: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run GLSL on every texel of a texture; return what it left in `first` and `second`, float32 (H, W, 4)."""
     source = "".join(shader_source(f"include/{name}") for name in includes) + EVALUATE.format(body=body)
@@ -48,6 +57,8 @@ def evaluate(
         f"#version 330 core\n{shader_source('fullscreen.vert')}", f"#version 330 core\n{defines}{source}"
     )
     program["plane"].value = 0.0
+    for name, unit in units.items():
+        program[name].value = unit
     texture.use(0)
     outputs = [ctx.texture(texture.size, 4, dtype="f4") for _ in range(2)]
     framebuffer = ctx.framebuffer(outputs)
@@ -105,9 +116,9 @@ def test_a_shader_that_is_not_there_is_an_error() -> None:
 
 @pytest.mark.parametrize("primitive", ["splat", "triangle"])
 def test_all_variants_of_the_passes_compile(ctx: moderngl.Context, primitive: str) -> None:
-    for normal_mapping, sprite, color, depth, tint in itertools.product((False, True), repeat=5):
+    for normal_mapping, sprite, color, depth, tint, parallel in itertools.product((False, True), repeat=6):
         targets = Targets(ctx, (4, 4), color=color, depth=depth, tint=tint)
-        variant = Variant(normal_mapping, sprite, color, depth, tint)
+        variant = Variant(normal_mapping, sprite, color, depth, tint, parallel)
         make_program(ctx, f"{primitive}.vert", f"{primitive}_visibility.frag", variant.visibility_defines).release()
         defines = variant.defines(targets)
         program = make_program(ctx, f"{primitive}.vert", f"{primitive}_attributes.frag", defines)
@@ -149,7 +160,7 @@ def sphere_and_seams() -> np.ndarray:
 
 def test_tangents_agree_with_the_python_twin(ctx: moderngl.Context) -> None:
     normals = sphere_and_seams()
-    texture = data_texture(ctx, normals, 4, "f4")
+    texture = ctx.texture((len(normals), 1), 4, normals, dtype="f4")
     body = "vec3 o1, o2; tangents(value.xyz, o1, o2); first = vec4(o1, 0.0); second = vec4(o2, 0.0);"
     o1, o2 = (part.reshape(-1, 4)[: len(normals), :3] for part in evaluate(ctx, ["frame.glsl"], body, texture))
     texture.release()
@@ -200,17 +211,23 @@ def test_the_splat_record_is_the_same_in_python_and_glsl() -> None:
     assert built
     offsets = [16 * "ab".index(texel) + 4 * "xyzw".index(first) for texel, first in re.findall(r"(\w)\.(\w)", built[1])]
     offsets.append(32)
-    assert re.search(r"vec4 box = texelFetch\(splat_records, at \+ ivec2\(2, 0\), 0\);", source)
+    assert re.search(r"vec4 box = texelFetch\(splat_records, at \+ ivec3\(2, 0, 0\), 0\);", source)
     assert offsets == [SPLAT.fields[name][1] for name in SPLAT.names]  # type: ignore[index]
     assert SPLAT.itemsize == 16 * TEXELS_PER_SPLAT
 
 
-def test_records_arrive_as_they_were_sent(ctx: moderngl.Context) -> None:
-    # More than fill one row of the texture.
-    records = np.zeros(RECORD_WIDTH // TEXELS_PER_SPLAT + 100, SPLAT)
+# As many texels a side as every OpenGL 3.3 in use has, and as few as a test can fill several layers with.
+@pytest.mark.parametrize(("rows", "layers"), [(4096, 1), (2, 3)])
+def test_records_arrive_as_they_were_sent(ctx: moderngl.Context, rows: int, layers: int) -> None:
+    # More than fill four rows of the texture.
+    records = np.zeros(4 * RECORD_WIDTH // TEXELS_PER_SPLAT + 100, SPLAT)
     # Quarters, which no sum of a turn and a coordinate rounds.
     records.view(np.float32)[:] = np.random.default_rng(3).integers(-64, 64, records.nbytes // 4) / 4
-    texture = data_texture(ctx, records.view(np.float32).reshape(-1, 4), 4, "f4")
+    held = Held()
+    texels = records.view(np.float32).reshape(-1, 4)
+    texture = record_texture(ctx, replace(LIMITS, texture_size=rows), held, texels, "f4")
+    assert texture.layers == layers
+    values = ctx.texture((RECORD_WIDTH, 5), 1, dtype="f1")
     body = """
     int index = at.y * textureSize(values, 0).x + at.x;
     if (index >= COUNT) { first = second = vec4(0.0); return; }
@@ -218,13 +235,15 @@ def test_records_arrive_as_they_were_sent(ctx: moderngl.Context) -> None:
     first = vec4(splat.centre, splat.radius);
     second = vec4(splat.normal, splat.thickness);
     """
+    texture.use(1)
     defines = f"#define RECORD_WIDTH {RECORD_WIDTH}\n#define COUNT {len(records)}\n"
-    parts = list(evaluate(ctx, ["splat_record.glsl"], body, texture, defines))
+    parts = list(evaluate(ctx, ["splat_record.glsl"], body, values, defines, splat_records=1))
     box_body = body.split("first = vec4", maxsplit=1)[0] + "first = splat.box; second = vec4(float(splat.turn));"
-    box, turn = evaluate(ctx, ["splat_record.glsl"], box_body, texture, defines)
+    box, turn = evaluate(ctx, ["splat_record.glsl"], box_body, values, defines, splat_records=1)
     box = box + TURN_STEP * turn * [0.0, 0.0, 0.0, 1.0]
     fetched = np.concatenate([part.reshape(-1, 4)[: len(records)] for part in [*parts, box]], axis=1)
-    texture.release()
+    held.release()
+    values.release()
     assert np.array_equal(fetched, records.view(np.float32).reshape(-1, 12))
 
 

@@ -1,0 +1,83 @@
+"""What an OpenGL context can hold and do: asked of it once, or less of it as a test or the user wants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+# Two draws of 1 into floats of both widths that the sums have: 2 where they blend.
+_VERTEX = """#version 330 core
+void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
+"""
+_FRAGMENT = """#version 330 core
+layout(location = 0) out vec4 half_float;
+layout(location = 1) out vec4 full_float;
+void main() { half_float = full_float = vec4(1.0); }
+"""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is not to be exceeded.
+
+    texture_size : texels along a side of a texture; 4096 or more wherever there is OpenGL 3.3
+    array_layers : layers of an array texture, at least 256
+    picture_size : width and height of the largest picture that is drawn in one piece
+    float_blending : sums of floats add up; without, the nearest splat alone is shown
+    tile_bytes : that the normal tiles may take, None: as many as there is memory for
+    """
+
+    texture_size: int
+    array_layers: int
+    picture_size: tuple[int, int]
+    float_blending: bool = True
+    tile_bytes: int | None = None
+
+
+def probe_limits(ctx: moderngl.Context, tile_bytes: int | None = None) -> Limits:
+    """Ask a context for its limits.
+
+    tile_bytes : as in `Limits`
+    """
+    info = ctx.info
+    texture_size = int(info["GL_MAX_TEXTURE_SIZE"])
+    side = min(texture_size, int(info["GL_MAX_RENDERBUFFER_SIZE"]))
+    width, height = info["GL_MAX_VIEWPORT_DIMS"]
+    return Limits(
+        texture_size,
+        int(info["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
+        (min(side, int(width)), min(side, int(height))),
+        blends_floats(ctx),
+        tile_bytes,
+    )
+
+
+def blends_floats(ctx: moderngl.Context) -> bool:
+    """Tell whether floats of 16 and 32 bits can be drawn into and add up, by trying."""
+    textures = [ctx.texture((1, 1), 4, dtype="f2"), ctx.texture((1, 1), 2, dtype="f4")]
+    try:
+        framebuffer = ctx.framebuffer(textures)
+    except moderngl.Error:
+        for texture in textures:
+            texture.release()
+        return False
+    # A context that nothing was drawn in knows of no framebuffer.
+    bound = ctx.fbo or ctx.detect_framebuffer(0)
+    program = ctx.program(_VERTEX, _FRAGMENT)
+    array = ctx.vertex_array(program, [])
+    framebuffer.use()
+    framebuffer.clear()
+    ctx.enable_only(moderngl.BLEND)
+    ctx.blend_equation = moderngl.FUNC_ADD, moderngl.FUNC_ADD
+    ctx.blend_func = moderngl.ONE, moderngl.ONE
+    for _ in range(2):
+        array.render(moderngl.TRIANGLES, 3)
+    half, full = (np.frombuffer(texture.read(), f"f{size}") for texture, size in zip(textures, (2, 4), strict=True))
+    ctx.enable_only(moderngl.NOTHING)
+    ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+    bound.use()
+    for each in (framebuffer, array, program, *textures):
+        each.release()
+    return bool((half == 2.0).all() and (full == 2.0).all())
