@@ -16,40 +16,39 @@ from hierarchy.model import Float32Array, Int32Array
 
 # cone_cos of a cone that contains everything (half-angle >= 90 degrees).
 EVERYTHING = -1.0
-# A set of normals whose lowest cosine to any axis exceeds this has a cap; a pivot that finds none has met rounding.
-SURELY_A_CAP = 0.9
 
 
 @nb.njit(cache=True, nogil=True)
 def bounding_cap(vectors, cap):  # type: ignore[no-untyped-def]
     """Write axis and cosine of the smallest cap around unit vectors, float64 (N, 3), to cap, float64 (4,).
 
-    The cosine is EVERYTHING where no cap below 90 degrees holds them; the axis is then vectors[0].
+    The cosine is the lowest that was measured to any of the vectors. It is EVERYTHING where no cap below 90 degrees
+    holds them; the axis is then vectors[0].
     """
     support = np.empty((4, 3), np.float64)
     support[0] = cap[:3] = vectors[0]
-    count = 1
     cap[3] = 1.0
-    lowest = 1.0
+    count = 1
+    best, x, y, z = 0.0, cap[0], cap[1], cap[2]
     for _ in range(MAX_PASSES):
-        lowest, farthest = 2.0, -1
+        lowest, farthest = 2.0, 0
         for i in range(len(vectors)):
             cosine = vectors[i, 0] * cap[0] + vectors[i, 1] * cap[1] + vectors[i, 2] * cap[2]
             if cosine < lowest:
                 lowest, farthest = cosine, i
-        if lowest >= cap[3] - 4.0 * CAP_INSIDE:
+        # Any axis makes a cap with its lowest cosine: rounding in a step cannot lose more than the step.
+        if lowest > best:
+            best, x, y, z = lowest, cap[0], cap[1], cap[2]
+        narrowest = cap[3]
+        if lowest >= narrowest - CAP_INSIDE:
             break
         support[count] = vectors[farthest]
         count = cap_with_pivot(support, count + 1, cap)
-        if count == 0 or count == 4:
+        if count == 0 or cap[3] >= narrowest:
             break
+    if best > 0.0:
+        cap[0], cap[1], cap[2], cap[3] = x, y, z, min(best, 1.0)
     else:
-        lowest = -1.0
-    if count == 0 and lowest < SURELY_A_CAP:
-        lowest = -1.0
-    # The measured minimum, not the support's: nothing may lie outside by rounding.
-    cap[3] = min(lowest, 1.0)
-    if lowest <= 0.0:
         cap[:3] = vectors[0]
         cap[3] = EVERYTHING
 

@@ -49,25 +49,25 @@ def enclosing_circle(points, circle):  # type: ignore[no-untyped-def]
     support = np.zeros((4, 2), np.float64)
     circle[:] = 0.0
     count = 1
+    best, x, y = np.inf, 0.0, 0.0
     for _ in range(MAX_PASSES):
-        farthest, largest = -1, -1.0
+        farthest, largest = 0, -1.0
         for i in range(len(points)):
             dx, dy = points[i, 0] - ox - circle[0], points[i, 1] - oy - circle[1]
             d2 = dx * dx + dy * dy
             if d2 > largest:
                 largest, farthest = d2, i
-        if largest <= circle[2] * (1.0 + 4.0 * INSIDE):
+        # The measured maximum, not the support's: nothing may stick out by rounding.
+        if largest < best:
+            best, x, y = largest, circle[0], circle[1]
+        least = circle[2]
+        if largest <= least * (1.0 + INSIDE):
             break
         support[count, 0], support[count, 1] = points[farthest, 0] - ox, points[farthest, 1] - oy
         count = circle_with_pivot(support, count + 1, circle)
-        if count > 3:
-            # Rounding left no circle through the pivot that holds the old support: keep the centre, grow.
-            count = 3
-            circle[2] = largest
-    # The measured maximum, not the support's: nothing may stick out by rounding.
-    circle[0] += ox
-    circle[1] += oy
-    circle[2] = max(circle[2], largest)
+        if circle[2] <= least:
+            break
+    circle[0], circle[1], circle[2] = x + ox, y + oy, best
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)

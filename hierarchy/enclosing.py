@@ -5,6 +5,10 @@ and Robust Smallest Enclosing Balls", ESA 1999): keep the best circle of at most
 point farthest outside, solve the four-point problem exactly, repeat. The radius grows with every step, so it ends;
 six passes over the points are typical. These are the four-point steps; the passes stand beside the data they run
 over (discs.py, cones.py).
+
+A step tries every circle that two or three of its points span through the new one, measures how far each has to reach
+to hold all four, and takes the least. So there is no test of "inside" that rounding could fail: a circle that is badly
+conditioned (three points nearly on one line, two nearly the same, a cap near 90 degrees) reaches too far and loses.
 """
 
 from __future__ import annotations
@@ -14,21 +18,22 @@ import math
 import numba as nb
 import numpy as np
 
-# Relative slack for "is inside" a circle: far above float64 rounding, far below what any picture shows.
-INSIDE = 1e-10
-# The same for cosines of caps, where 1e-14 is already 1.4e-7 radians.
-CAP_INSIDE = 1e-14
+# Relative slack for "is inside" a circle, of squared distances: a hundred times the rounding of doubles.
+INSIDE = 1e-13
+# The same for cosines of caps; 2e-15 is 6e-8 radians where they are narrowest.
+CAP_INSIDE = 2e-15
 # Ten times what is typical; a guard against cycling on rounding.
 MAX_PASSES = 64
 
 
-@nb.njit(cache=True, nogil=True)
-def _circle_holds(points, count, x, y, r2):  # type: ignore[no-untyped-def]
+@nb.njit(cache=True, nogil=True, inline="always")
+def _reach(points, count, x, y):  # type: ignore[no-untyped-def]
+    """Return the largest squared distance of the first `count` points from (x, y)."""
+    largest = 0.0
     for k in range(count):
         dx, dy = points[k, 0] - x, points[k, 1] - y
-        if dx * dx + dy * dy > r2 * (1.0 + INSIDE):
-            return False
-    return True
+        largest = max(largest, dx * dx + dy * dy)
+    return largest
 
 
 @nb.njit(cache=True, nogil=True)
@@ -37,18 +42,18 @@ def circle_with_pivot(support, count, circle):  # type: ignore[no-untyped-def]
 
     support : float64 (4, 2), the first `count` rows are in use, 2..4; reordered: the new support comes first. Taken
         relative to a point close by, so that coordinates are about as small as the circle.
-    circle : float64 (3,), receives x, y and the squared radius
-    Returns the new number of support points.
+    circle : float64 (3,), receives x, y and the squared radius, which holds all of the support
+    Returns the new number of support points, 2 or 3.
     """
     p = count - 1
     best = np.inf
-    first, second = -1, -1
+    first, second = 0, -1
     px, py = support[p, 0], support[p, 1]
     # Two points, the segment between them a diameter.
     for i in range(p):
         x, y = 0.5 * (px + support[i, 0]), 0.5 * (py + support[i, 1])
-        r2 = 0.25 * ((px - support[i, 0]) ** 2 + (py - support[i, 1]) ** 2)
-        if r2 < best and _circle_holds(support, count, x, y, r2):
+        r2 = _reach(support, count, x, y)
+        if r2 < best:
             best, first, second = r2, i, -1
             circle[0], circle[1], circle[2] = x, y, r2
     # Three points, their circumcircle.
@@ -60,13 +65,11 @@ def circle_with_pivot(support, count, circle):  # type: ignore[no-untyped-def]
             if cross == 0.0:
                 continue
             a2, b2 = ax * ax + ay * ay, bx * bx + by * by
-            x, y = (by * a2 - ay * b2) / cross, (ax * b2 - bx * a2) / cross
-            r2 = x * x + y * y
-            if r2 < best and _circle_holds(support, count, px + x, py + y, r2):
+            x, y = px + (by * a2 - ay * b2) / cross, py + (ax * b2 - bx * a2) / cross
+            r2 = _reach(support, count, x, y)
+            if r2 < best:
                 best, first, second = r2, i, j
-                circle[0], circle[1], circle[2] = px + x, py + y, r2
-    if first < 0:
-        return count - 1
+                circle[0], circle[1], circle[2] = x, y, r2
     ax, ay = support[first, 0], support[first, 1]
     bx, by = support[second, 0], support[second, 1]
     support[0, 0], support[0, 1] = px, py
@@ -75,12 +78,30 @@ def circle_with_pivot(support, count, circle):  # type: ignore[no-untyped-def]
     return 2 if second < 0 else 3
 
 
-@nb.njit(cache=True, nogil=True)
-def _cap_holds(vectors, count, x, y, z, cosine):  # type: ignore[no-untyped-def]
+@nb.njit(cache=True, nogil=True, inline="always")
+def _lowest(vectors, count, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the lowest cosine between the first `count` vectors and an axis."""
+    lowest = 2.0
     for k in range(count):
-        if vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z < cosine - CAP_INSIDE:
-            return False
-    return True
+        lowest = min(lowest, vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z)
+    return lowest
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _between(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
+    """Return the direction half way between two unit vectors, zero where they are opposite."""
+    x, y, z = px + qx, py + qy, pz + qz
+    # The sum of nearly opposite vectors is short, and what they are off unit length leans it towards one of them: take
+    # that part out, along their difference.
+    dx, dy, dz = px - qx, py - qy, pz - qz
+    d2 = dx * dx + dy * dy + dz * dz
+    if d2 > 0.0:
+        lean = (x * dx + y * dy + z * dz) / d2
+        x, y, z = x - lean * dx, y - lean * dy, z - lean * dz
+    norm = math.sqrt(x * x + y * y + z * z)
+    if norm == 0.0:
+        return 0.0, 0.0, 0.0
+    return x / norm, y / norm, z / norm
 
 
 @nb.njit(cache=True, nogil=True)
@@ -88,21 +109,17 @@ def cap_with_pivot(support, count, cap):  # type: ignore[no-untyped-def]
     """Find the smallest cap around `count` unit vectors, the last of which lies on its rim.
 
     support : float64 (4, 3), the first `count` rows are in use, 2..4; reordered: the new support comes first
-    cap : float64 (4,), receives the axis and the cosine of the half-angle
-    Returns the new number of support vectors, or 0 where no cap below 90 degrees holds them.
+    cap : float64 (4,), receives the axis and the cosine of the half-angle, the lowest of the support
+    Returns the new number of support vectors, 2 or 3, or 0 where no cap below 90 degrees holds them.
     """
     p = count - 1
     best = 0.0
     first, second = -1, -1
     px, py, pz = support[p, 0], support[p, 1], support[p, 2]
     for i in range(p):
-        x, y, z = px + support[i, 0], py + support[i, 1], pz + support[i, 2]
-        norm = math.sqrt(x * x + y * y + z * z)
-        if norm <= 1e-9:
-            continue
-        x, y, z = x / norm, y / norm, z / norm
-        cosine = x * px + y * py + z * pz
-        if cosine > best and _cap_holds(support, count, x, y, z, cosine):
+        x, y, z = _between(px, py, pz, support[i, 0], support[i, 1], support[i, 2])
+        cosine = _lowest(support, count, x, y, z)
+        if cosine > best:
             best, first, second = cosine, i, -1
             cap[0], cap[1], cap[2], cap[3] = x, y, z, cosine
     for i in range(p):
@@ -111,13 +128,13 @@ def cap_with_pivot(support, count, cap):  # type: ignore[no-untyped-def]
             bx, by, bz = support[j, 0] - px, support[j, 1] - py, support[j, 2] - pz
             x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
             norm = math.sqrt(x * x + y * y + z * z)
-            if norm <= 1e-30:
+            if norm == 0.0:
                 continue
+            # Whichever way round the three run, the axis is on their side.
+            norm = math.copysign(norm, x * px + y * py + z * pz)
             x, y, z = x / norm, y / norm, z / norm
-            cosine = x * px + y * py + z * pz
-            if cosine < 0.0:
-                x, y, z, cosine = -x, -y, -z, -cosine
-            if cosine > best and _cap_holds(support, count, x, y, z, cosine):
+            cosine = _lowest(support, count, x, y, z)
+            if cosine > best:
                 best, first, second = cosine, i, j
                 cap[0], cap[1], cap[2], cap[3] = x, y, z, cosine
     if first < 0:
