@@ -17,6 +17,7 @@ class Command(Enum):
     LEFT = auto()
     TOP = auto()
     BOTTOM = auto()
+    ORTHOGRAPHIC = auto()
     SCREENSHOT = auto()
     NORMAL_MAPPING = auto()
     SILHOUETTE = auto()
@@ -48,6 +49,7 @@ BINDINGS = (
     Binding(("NUMBER_1", "NUMPAD_1"), Command.BACK, "Ctrl+1", "look from behind", ctrl=True),
     Binding(("NUMBER_3", "NUMPAD_3"), Command.LEFT, "Ctrl+3", "look from the left", ctrl=True),
     Binding(("NUMBER_7", "NUMPAD_7"), Command.BOTTOM, "Ctrl+7", "look from below", ctrl=True),
+    Binding(("NUMBER_5", "NUMPAD_5", "O"), Command.ORTHOGRAPHIC, "5, O", "perspective or orthographic"),
     Binding(("N",), Command.NORMAL_MAPPING, "N", "normal mapping"),
     Binding(("E",), Command.SILHOUETTE, "E", "silhouette surfels tinted"),
     Binding(("B",), Command.OUTLINES, "B", "outlines of the splats"),

@@ -19,12 +19,16 @@ THREE_QUARTERS = (math.radians(35.0), math.radians(20.0))
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A camera: float64 (3,) position and focal point in the file's own space, view-up, view angle in radians."""
+    """A camera: float64 (3,) position and focal point in the file's own space, view-up, view angle in radians.
+
+    orthographic : the view rays are parallel, and what is at the focal point is as large as in perspective
+    """
 
     position: Float64Array
     focal_point: Float64Array
     view_up: Float64Array
     view_angle: float
+    orthographic: bool = False
 
 
 def frame_scene(scene: Scene, camera: CameraOptions, resolution: tuple[int, int]) -> Pose:
@@ -47,14 +51,15 @@ def frame_scene(scene: Scene, camera: CameraOptions, resolution: tuple[int, int]
         flat = math.cos(elevation)
         weights = np.array([flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)])
         aspect = resolution[0] / resolution[1]
-        position = focal_point + fitting_distance(hierarchy.scale * radius, view_angle, aspect) * (
-            weights @ axes_of_up(default_up)
-        )
-    return Pose(position, focal_point, view_up, view_angle)
+        size = hierarchy.scale * radius
+        distance = fitting_distance(size, view_angle, aspect, orthographic=camera.orthographic)
+        position = focal_point + distance * (weights @ axes_of_up(default_up))
+    return Pose(position, focal_point, view_up, view_angle, camera.orthographic)
 
 
 def view_of_pose(pose: Pose, scene: Scene, resolution: tuple[int, int]) -> View:
     """Return the view of a pose; raises ValueError where the pose is none."""
+    distance = float(np.linalg.norm(pose.position - pose.focal_point))
     return look_at(
         pose.position,
         pose.focal_point,
@@ -64,4 +69,5 @@ def view_of_pose(pose: Pose, scene: Scene, resolution: tuple[int, int]) -> View:
         origin=scene.hierarchy.origin,
         scale=scene.hierarchy.scale,
         bounds=scene.hierarchy.bounds,
+        parallel_scale=distance * math.tan(0.5 * pose.view_angle) if pose.orthographic else None,
     )

@@ -26,12 +26,14 @@ class CameraOptions:
     position, focal_point : the file's own space
     view_up : a direction
     view_angle : degrees, full vertical field of view
+    orthographic : the view rays are parallel; the view angle then tells how much is seen at the focal point
     """
 
     position: Vector | None = None
     focal_point: Vector | None = None
     view_up: Vector | None = None
     view_angle: float = 45.0
+    orthographic: bool = False
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message} (see {self.prog} --help)")
 
 
-_CAMERA = ("position", "focal_point", "view_up", "view_angle")
+_CAMERA = ("position", "focal_point", "view_up", "view_angle", "orthographic")
 
 _USAGE = {
     "window": "%(prog)s [MODEL] [options]\n       %(prog)s render [MODEL] --output FILE [options]\n"
@@ -226,6 +228,10 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--camera-view-angle", metavar="DEG", type=option_values.view_angle, help="vertical field of view (45)"
     )
+    group.add_argument(
+        "--camera-orthographic", action="store_true",
+        help="parallel view rays instead of perspective; what is at the focal point stays as large",
+    )  # fmt: skip
 
 
 class _AddOutput(argparse.Action):

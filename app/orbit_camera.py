@@ -31,6 +31,8 @@ class OrbitCamera:
     azimuth, elevation : radians; 0, 0 puts the eye on the front axis, elevation pi/2 above the pivot
     axes : float64 (3, 3), rows: the side, up and front axis, orthonormal, side x up = front
     view_angle : radians, full vertical field of view
+    orthographic : the view rays are parallel. What stands at the pivot is as large as in perspective, so the distance
+        sets the size of the picture, too
     """
 
     pivot: Float64Array
@@ -39,6 +41,12 @@ class OrbitCamera:
     elevation: float
     axes: Float64Array
     view_angle: float
+    orthographic: bool = False
+
+    @property
+    def parallel_scale(self) -> float | None:
+        """Half the height of what an orthographic camera sees; None: it is in perspective."""
+        return self.distance * math.tan(0.5 * self.view_angle) if self.orthographic else None
 
     @property
     def back(self) -> Float64Array:
@@ -85,19 +93,21 @@ class OrbitCamera:
     def turn_around(self, pivot: npt.ArrayLike) -> OrbitCamera:
         """Slide sideways until `pivot`, a point before the eye, is in the middle, and turn around it from now on."""
         target = np.asarray(pivot, np.float64)
+        if self.orthographic:
+            return replace(self, pivot=target)
         depth = float((self.position - target) @ self.back)
         return replace(self, pivot=target, distance=depth if depth > 0.0 else self.distance)
 
     def fit(self, centre: npt.ArrayLike, radius: float, aspect: float) -> OrbitCamera:
         """Show a whole sphere from the same direction; aspect is width over height."""
-        distance = fitting_distance(radius, self.view_angle, aspect)
+        distance = fitting_distance(radius, self.view_angle, aspect, orthographic=self.orthographic)
         return replace(self, pivot=np.asarray(centre, np.float64), distance=distance)
 
     def point_at(self, x: float, y: float, depth: float | None, resolution: tuple[int, int]) -> Float64Array:
         """Return the point (3,) under pixel (x, y) at `depth` along the view axis; None: as deep as the pivot."""
         width, height = resolution
         depth = self.distance if depth is None else depth
-        scale = self._length_per_pixel(height) * depth / self.distance
+        scale = self._length_per_pixel(height) * (1.0 if self.orthographic else depth / self.distance)
         across = (x - 0.5 * width) * self.right - (y - 0.5 * height) * self.view_up
         return self.position - depth * self.back + scale * across
 
@@ -107,7 +117,12 @@ class OrbitCamera:
 
 
 def orbit_from_pose(
-    position: npt.ArrayLike, focal_point: npt.ArrayLike, view_up: npt.ArrayLike, view_angle: float
+    position: npt.ArrayLike,
+    focal_point: npt.ArrayLike,
+    view_up: npt.ArrayLike,
+    view_angle: float,
+    *,
+    orthographic: bool = False,
 ) -> OrbitCamera:
     """Return the orbit camera that sees what an eye at `position` sees; its pivot is the focal point.
 
@@ -123,7 +138,7 @@ def orbit_from_pose(
     elevation = math.asin(min(max(float(up), -1.0), 1.0))
     # Looking straight down or up, any azimuth would do; 0 puts the side axis to the right.
     azimuth = math.atan2(float(side), float(front)) if math.hypot(side, front) > 1e-9 else 0.0
-    return OrbitCamera(focal_point, distance, azimuth, elevation, axes, view_angle)
+    return OrbitCamera(focal_point, distance, azimuth, elevation, axes, view_angle, orthographic)
 
 
 def axes_of_up(view_up: npt.ArrayLike) -> Float64Array:
@@ -136,8 +151,9 @@ def axes_of_up(view_up: npt.ArrayLike) -> Float64Array:
     return np.stack([side, up, np.cross(side, up)])
 
 
-def fitting_distance(radius: float, view_angle: float, aspect: float) -> float:
-    """Return how far from a sphere's centre an eye sees it whole, with a little air around it."""
+def fitting_distance(radius: float, view_angle: float, aspect: float, *, orthographic: bool = False) -> float:
+    """Return how far from a sphere's centre a camera sees it whole, with a little air around it."""
     half = 0.5 * view_angle
     narrower = min(half, math.atan(math.tan(half) * aspect))
-    return FIT_MARGIN * (radius if radius > 0.0 else 1.0) / math.sin(narrower)
+    size = FIT_MARGIN * (radius if radius > 0.0 else 1.0)
+    return size / (math.tan(narrower) if orthographic else math.sin(narrower))

@@ -60,8 +60,10 @@ def draw_panel(
     commands = _header(scene, bold, scale)
     _heading("Detail", bold, scale)
     _detail(state, scene, scale)
-    _heading("Shading", bold, scale)
+    _heading("Picture", bold, scale)
     state.settings = _shading(state.settings, scene, scale)
+    if _flag("Orthographic", state.orthographic, "5") != state.orthographic:
+        commands.append(Command.ORTHOGRAPHIC)
     _heading("Overlays", bold, scale)
     state.settings = _overlays(state.settings)
     _heading("Statistics", bold, scale)
@@ -82,9 +84,8 @@ def _header(scene: Scene | None, bold: imgui.ImFont, scale: float) -> list[Comma
     else:
         _dim("no model")
     imgui.dummy(ImVec2(0.0, 1.0 * scale))
-    width = (imgui.get_content_region_avail().x - (len(_BUTTONS) - 1) * imgui.get_style().item_spacing.x) / len(
-        _BUTTONS
-    )
+    gaps = (len(_BUTTONS) - 1) * imgui.get_style().item_spacing.x
+    width = (imgui.get_content_region_avail().x - gaps) / len(_BUTTONS)
     commands = []
     for index, (label, command, hint) in enumerate(_BUTTONS):
         if index:
@@ -136,11 +137,8 @@ def _goals(state: ViewerState, scale: float) -> None:
     imgui.end_disabled()
     steered = state.steered
     if state.limit_error and steered is not None:
-        _promise(
-            steered.promise,
-            (state.max_degrees, state.max_pixels),
-            "promised at rest" if state.hold_rate else "promised",
-        )
+        label = "promised at rest" if state.hold_rate else "promised"
+        _promise(steered.promise, (state.max_degrees, state.max_pixels), label)
     _, state.hold_rate = imgui.checkbox("Hold", state.hold_rate)
     _hint("Draws coarser while the camera moves, so that a frame takes no longer; in full detail when it rests")
     imgui.same_line(GOAL_COLUMN * scale)
@@ -261,13 +259,18 @@ def _slider(label: str, value: float, most: float, hint: str, scale: float) -> f
     return value
 
 
-def _toggle(settings: Settings, label: str, field: str, key: str = "") -> Settings:
-    changed, value = imgui.checkbox(label, bool(getattr(settings, field)))
+def _flag(label: str, value: bool, key: str = "") -> bool:
+    """Return whether a box is ticked; the key that ticks it, too, stands at the right end of the line."""
+    _, value = imgui.checkbox(label, value)
     if key:
         imgui.push_style_color(imgui.Col_.text, as_vec4(DIM))
         _value(key)
         imgui.pop_style_color()
-    return _replace(settings, field, value) if changed else settings
+    return value
+
+
+def _toggle(settings: Settings, label: str, field: str, key: str = "") -> Settings:
+    return _replace(settings, field, _flag(label, bool(getattr(settings, field)), key))
 
 
 def _replace(settings: Settings, field: str, value: Any) -> Settings:

@@ -65,6 +65,7 @@ class ViewerState:
     texels : along one side of a tile, as chosen; the tiles in use may still be others
     limit_error : let radii and tiles follow from max_degrees and max_pixels
     hold_rate : coarsen while the camera moves, so that frames_per_second are drawn
+    orthographic : whether the view rays are parallel; what the panel shows of the camera
     printed_cone_test : tell the silhouette by the test as the paper prints it
     steered : what is drawn with, None: nothing has been drawn yet
     continuous : draw again and again, to measure
@@ -80,6 +81,7 @@ class ViewerState:
     max_pixels: float = 0.5
     hold_rate: bool = False
     frames_per_second: float = 30.0
+    orthographic: bool = False
     printed_cone_test: bool = False
     steered: Steered | None = None
     show_panel: bool = True

@@ -10,7 +10,7 @@ from pathlib import Path
 from app.background import BackgroundTask
 from app.commands import Command
 from app.errors import GraphicsError
-from app.framing import frame_scene, view_of_pose
+from app.framing import Pose, frame_scene, view_of_pose
 from app.options import CameraOptions, Options
 from app.orbit_camera import OrbitCamera, orbit_from_pose
 from app.scene import ModelSource, Scene, bake_scene, open_scene
@@ -108,6 +108,12 @@ class Viewer:
         if self.camera is not None:
             self.camera = self.camera.look_from(*AXIS_VIEWS[command])
 
+    def flip_projection(self) -> None:
+        """Change between perspective and parallel view rays; what is as deep as the pivot keeps its size."""
+        self.state.orthographic = not self.state.orthographic
+        if self.camera is not None:
+            self.camera = replace(self.camera, orthographic=self.state.orthographic)
+
     def view(self, resolution: tuple[int, int]) -> View:
         """Return what the camera sees of the scene; both have to be there."""
         assert self.scene is not None
@@ -122,6 +128,7 @@ class Viewer:
             origin=hierarchy.origin,
             scale=hierarchy.scale,
             bounds=hierarchy.bounds,
+            parallel_scale=camera.parallel_scale,
         )
 
     def _start(self, work: Callable[[Progress], Scene], *, opens: bool) -> None:
@@ -177,15 +184,23 @@ class Viewer:
 
     def _frame(self, scene: Scene, resolution: tuple[int, int]) -> None:
         options, self._camera_options = self._camera_options, CameraOptions()
-        pose = frame_scene(scene, options, resolution)
+        # The projection stays what the user chose last.
+        orthographic = self.state.orthographic
+        pose = frame_scene(scene, replace(options, orthographic=orthographic), resolution)
         try:
-            self.camera = orbit_from_pose(pose.position, pose.focal_point, pose.view_up, pose.view_angle)
+            self.camera = _camera_of_pose(pose)
         except ValueError as error:
             self.state.say(str(error), is_error=True)
-            pose = frame_scene(scene, CameraOptions(), resolution)
-            self.camera = orbit_from_pose(pose.position, pose.focal_point, pose.view_up, pose.view_angle)
+            self.camera = _camera_of_pose(frame_scene(scene, CameraOptions(orthographic=orthographic), resolution))
         x, y, z = (float(value) for value in self.camera.axes[1])
         self.state.settings = replace(self.state.settings, ground_up=(x, y, z))
+
+
+def _camera_of_pose(pose: Pose) -> OrbitCamera:
+    """Return the camera of a pose; raises ValueError where the pose is none."""
+    return orbit_from_pose(
+        pose.position, pose.focal_point, pose.view_up, pose.view_angle, orthographic=pose.orthographic
+    )
 
 
 def _state_of_options(options: Options) -> ViewerState:
@@ -193,6 +208,7 @@ def _state_of_options(options: Options) -> ViewerState:
     settings = Settings(normal_mapping=options.normal_mapping, splat=options.splat)
     state = ViewerState(options.r_sil, options.r_inner, options.texels, settings)
     state.printed_cone_test = options.printed_cone_test
+    state.orthographic = options.camera.orthographic
     if options.max_error is not None:
         state.limit_error = True
         state.max_degrees, state.max_pixels = options.max_error

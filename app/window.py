@@ -177,6 +177,7 @@ class ViewerWindow(WindowConfig):
         actions: dict[Command, Callable[[], None]] = {
             Command.OPEN: lambda: self._chooser.ask(Path.cwd()),
             Command.FIT: lambda: viewer.fit(self._viewport.size),
+            Command.ORTHOGRAPHIC: viewer.flip_projection,
             Command.SCREENSHOT: self._screenshot,
             Command.NORMAL_MAPPING: lambda: self._flip("normal_mapping"),
             Command.SILHOUETTE: lambda: self._flip("silhouette_overlay"),

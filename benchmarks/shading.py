@@ -34,7 +34,7 @@ uniform vec2 ray_slope;
 void main()
 {
     vec4 sum = texelFetch(sum_light, ivec2(gl_FragCoord.xy), 0);
-    vec3 behind = background(normalize(vec3((v_uv * 2.0 - 1.0) * ray_slope, -1.0)), v_uv.y);
+    vec3 behind = background(vec3(0.0), normalize(vec3((v_uv * 2.0 - 1.0) * ray_slope, -1.0)), v_uv.y);
     vec3 mean = (sum.rgb + (samples - sum.a) * linear_from_srgb(behind)) / samples;
     out_color = vec4((sum.a > 0.0 ? srgb_from_linear(mean) : behind) + dither(gl_FragCoord.xy), 1.0);
 }

@@ -91,7 +91,7 @@ class Renderer:
         self._last = None
         settings = settings if self.limits.float_blending else replace(settings, blending=False)
         tint = settings.silhouette_overlay or settings.splat_outlines or settings.lod_colors
-        variant = self._variant(settings, depth=False, tint=tint)
+        variant = self._variant(settings, view, depth=False, tint=tint)
         targets = self._targets_for(view, variant)
         self._enter()
         uniforms = self._upload(cut, view, settings)
@@ -120,7 +120,7 @@ class Renderer:
             raise RuntimeError("draw comes before read_arrays")
         cut, view, settings, framebuffer = self._last
         targets = self._make_targets(view, color=False, depth=True)
-        variant = self._variant(settings, depth=True, tint=False)
+        variant = self._variant(settings, view, depth=True, tint=False)
         try:
             self._enter()
             uniforms = self._upload(cut, view, settings)
@@ -138,7 +138,7 @@ class Renderer:
         normal = eye_normal[..., :3] @ view.eye_from_model[:3, :3].astype(np.float32)
         return Frame(
             normal=normal,
-            depth=np.where(coverage > 0.0, depth, np.float32(np.inf)),
+            depth=np.where(coverage > 0.0, depth + np.float32(view.depth_of_eye), np.float32(np.inf)),
             coverage=coverage,
             color=pixels[::-1].copy(),
         )
@@ -156,7 +156,7 @@ class Renderer:
         ndc = 2.0 * value - 1.0
         if ndc >= MARKED - 1e-7:
             return float("inf")
-        return 2.0 * view.far * view.near / (view.far + view.near - ndc * (view.far - view.near))
+        return view.depth_of_ndc(ndc) + view.depth_of_eye
 
     # What it costs
 
@@ -202,6 +202,7 @@ class Renderer:
             color=color,
             depth=depth,
             tint=tint,
+            parallel=view.is_parallel,
         )
 
     def _targets_for(self, view: View, variant: Variant) -> Targets:
@@ -213,17 +214,18 @@ class Renderer:
             self._targets = self._make_targets(view, *kind)
         return self._targets
 
-    def _pass(self, kind: str, variant: Variant, targets: Targets) -> SplatPass:
     def _make_targets(self, view: View, color: bool, depth: bool, tint: bool = False) -> Targets:
         size, most = (view.width, view.height), self.limits.picture_size
         if size[0] > most[0] or size[1] > most[1]:
             raise GpuError("a picture of {} x {} pixels; this graphics card draws {} x {}".format(*size, *most))
         return Targets(self._ctx, size, color=color, depth=depth, tint=tint)
 
+    def _pass(self, kind: str, variant: Variant, targets: Targets) -> SplatPass:
         """Return the pass for a variant; of the visibility pass there is one for each kind of splat and projection."""
         assert self._buffers is not None
         if kind == "visibility":
-            variant = Variant(normal_mapping=False, sprite=variant.sprite, color=False, depth=False, tint=False)
+            plain = Variant(False, variant.sprite, color=False, depth=False, tint=False, parallel=variant.parallel)
+            variant = plain
         key = (kind, variant)
         if key not in self._passes:
             defines = variant.defines(targets) if kind == "attributes" else variant.visibility_defines

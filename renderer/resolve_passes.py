@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import moderngl
 import numpy as np
-from renderer.allocation import allocating
 
 from hierarchy.view import View
+from renderer.allocation import allocating
 from renderer.matcaps import MATCAPS, make_matcap
 from renderer.programs import make_program
 from renderer.settings import Settings
@@ -83,7 +81,9 @@ class Resolve:
         targets.picture.depth_mask = False
         # Software renderers skip what the depth test rejects, and nothing else: hence several passes and not a branch.
         self._pass("resolve_shade.frag", kinds).render(uniforms, ">")
-        self._pass("resolve_background.frag", {"GROUND"} if settings.ground else set()).render(uniforms, "==")
+        # The floor does not show from below.
+        has_floor = settings.ground and (view.is_parallel or uniforms["ground_plane"][3] < 0.0)  # type: ignore[index]
+        self._pass("resolve_background.frag", {"GROUND"} if has_floor else set()).render(uniforms, "==")
         left, top, right, bottom = box
         targets.visibility.scissor = targets.picture.scissor = (left, view.height - bottom, right - left, bottom - top)
         targets.visibility.use()
@@ -153,14 +153,15 @@ def shading_uniforms(view: View, settings: Settings, has_colors: bool) -> dict[s
     """Return what the shaders need of a view and its settings to shade a pixel."""
     # A matcap is the whole material; only the model's own colours tint it.
     plain = (1.0, 1.0, 1.0) if settings.material in MATCAPS else tuple(c**2.2 for c in settings.base_color)
-    tangent = math.tan(0.5 * view.view_angle)
+    extent = np.array([view.half_height * view.width / view.height, view.half_height])
     return {
         "use_colors": settings.use_colors and has_colors,
         "two_sided": settings.two_sided,
         "base_color": plain,
         "background_top": settings.background_top,
         "background_bottom": settings.background_bottom,
-        "ray_slope": (tangent * view.width / view.height, tangent),
+        "ray_slope": tuple(0.0 * extent if view.is_parallel else extent),
+        "ray_start": tuple(extent if view.is_parallel else 0.0 * extent),
     }
 
 

@@ -47,6 +47,7 @@ class Variant:
     color : the model has colours
     depth : distances are summed, too
     tint : overlays are summed, too
+    parallel : the view rays are
     """
 
     normal_mapping: bool
@@ -54,6 +55,7 @@ class Variant:
     color: bool
     depth: bool
     tint: bool
+    parallel: bool
 
     def defines(self, targets: Targets) -> dict[str, str | int | float]:
         """Return the macros of the attribute pass."""
@@ -62,6 +64,8 @@ class Variant:
             macros["NORMAL_MAPPING"] = 1
         if self.sprite:
             macros["SPRITE"] = 1
+        if self.parallel:
+            macros["PARALLEL"] = 1
         for name in ("color", "depth", "tint"):
             if name in targets.sums:
                 macros[name.upper()] = targets.location(name)
@@ -73,6 +77,8 @@ class Variant:
         macros: dict[str, str | int | float] = {"RECORD_WIDTH": RECORD_WIDTH, "VISIBILITY": 1}
         if self.sprite:
             macros["SPRITE"] = 1
+        if self.parallel:
+            macros["PARALLEL"] = 1
         return macros
 
 
@@ -84,6 +90,7 @@ class CutBuffers:
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
         self.splats = ctx.buffer(reserve=8, dynamic=True)
         self.indices = ctx.buffer(reserve=12, dynamic=True)
 
@@ -93,7 +100,6 @@ class CutBuffers:
         Raises GpuError where there is no room for it.
         """
         splats = np.empty((len(cut.splats), 2), np.int32)
-        self._ctx = ctx
         splats[:, 0] = cut.splats
         splats[:, 1] = -1 if tiles is None else tiles.slots_of(cut.splats)
         for buffer, array in ((self.splats, splats), (self.indices, cut.indices)):

@@ -10,7 +10,7 @@ in vec2 v_uv;
 
 layout(location = 0) out vec4 out_color;
 
-uniform vec2 ray_slope;  // tangents of half the view angles
+uniform vec2 ray_slope;  // tangents of half the view angles; 0 where the view rays are parallel
 uniform bool two_sided;
 uniform vec3 base_color;  // linear
 #ifdef COLOR

@@ -16,7 +16,7 @@ in uint in_splat;
 uniform mat4 eye_from_model;
 uniform int silhouette_splats;  // the first ones are on the silhouette
 uniform float sink;             // times thickness: how far those are lowered
-uniform float focal;            // pixels of a unit length at unit distance
+uniform float focal;            // pixels of a unit length at unit distance; PARALLEL: at any
 uniform float grow;             // pixels by which the discs of the others are widened
 uniform float smallest;         // radius in pixels
 uniform vec2 margin;            // pixels, times thickness: by which the rectangles are
@@ -60,13 +60,16 @@ uniform bool show_lod;
 float sprite_size(vec3 centre, vec3 normal, float radius)
 {
     vec3 extents = radius * sqrt(max(1.0 - normal * normal, 0.0));
+#ifdef PARALLEL
+    return 2.0 * focal * max(extents.x, extents.y) + 1.0;
+#else
     float nearest = max(-centre.z - extents.z, 1e-6 * radius);
     vec2 half_size = extents.xy + abs(centre.xy / centre.z) * extents.z;
     return 2.0 * focal * max(half_size.x, half_size.y) / nearest + 1.0;
+#endif
 }
 
 void main()
-#endif
 {
     int index = int(in_splat);
     Splat splat = fetch_splat(index);
@@ -77,30 +80,41 @@ void main()
 #endif
     if (silhouette) splat.centre -= sink * splat.thickness * splat.normal;
     vec3 centre = (eye_from_model * vec4(splat.centre, 1.0)).xyz;
+#ifdef PARALLEL
+    float pixel = 1.0 / focal;
+#else
     float pixel = max(-centre.z, 0.0) / focal;
+#endif
     // What is far away must not fall between the pixels.
     float radius = max(splat.radius + (silhouette ? 0.0 : grow * pixel), smallest * pixel);
     mat3 rotation = mat3(eye_from_model);
     vec3 o1, o2;
     tangents(splat.normal, o1, o2);
 #ifdef VISIBILITY
-#endif
     float push = epsilon.x * splat.thickness + epsilon.y * splat.radius;
-    // All of the disc by the same factor: a push by a length along each ray would bend it.
-    float factor = 1.0 + push / max(length(centre), push);
+#ifdef PARALLEL
+    float by = push;
 #else
-    const float factor = 1.0;
+    // All of the disc by the same factor: a push by a length along each ray would bend it.
+    float by = push / max(length(centre), push);
+#endif
+#else
+    const float by = 0.0;
 #endif
 
 #ifdef SPRITE
     gl_Position = project(centre);
     gl_PointSize = sprite_size(centre, rotation * splat.normal, radius);
-    v_centre = centre * factor;
-    v_radius = radius * factor;
+    v_centre = push_back(centre, by);
+#ifdef PARALLEL
+    v_radius = radius;
+#else
+    v_radius = radius * (1.0 + by);
+#endif
 #else
     v_disc = box_corner(splat, gl_VertexID, (margin.x * pixel + margin.y * splat.thickness) / max(splat.radius, 1e-30));
     vec3 point = splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2);
-    gl_Position = project_pushed((eye_from_model * vec4(point, 1.0)).xyz, factor);
+    gl_Position = project_pushed((eye_from_model * vec4(point, 1.0)).xyz, by);
 #endif
 #if defined(SPRITE) || !defined(VISIBILITY)
     v_o1 = rotation * o1;

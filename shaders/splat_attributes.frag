@@ -4,6 +4,7 @@
 // Source: Holst and Schumann 2007, eq. 11 (texel) and 14 (kernel); Botsch et al. 2005, section 5.
 #include "hemisphere.glsl"
 #include "accumulate.glsl"
+#include "axis_distance.glsl"
 #include "disc_point.glsl"
 
 #ifndef SPRITE

@@ -9,7 +9,7 @@ in vec3 in_position;
 uniform mat4 eye_from_model;
 
 #ifdef VISIBILITY
-uniform float focal;  // pixels of a unit length at unit distance
+uniform float focal;  // pixels of a unit length at unit distance; PARALLEL: at any
 #else
 in vec3 in_normal;
 out vec3 v_normal;
@@ -23,7 +23,7 @@ void main()
 {
     vec3 eye = (eye_from_model * vec4(in_position, 1.0)).xyz;
 #ifdef VISIBILITY
-    gl_Position = project_pushed(eye, 1.0 + 1.0 / focal);
+    gl_Position = project_pushed(eye, 1.0 / focal);
 #else
     gl_Position = project(eye);
     v_normal = mat3(eye_from_model) * in_normal;

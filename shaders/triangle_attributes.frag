@@ -2,6 +2,7 @@
 // In:   v_normal, v_color. Out: the sums of include/accumulate.glsl.
 // Source: Holst and Schumann 2007, section 4.2.
 #include "accumulate.glsl"
+#include "axis_distance.glsl"
 
 in vec3 v_normal;
 #ifdef COLOR
@@ -21,7 +22,7 @@ void main()
     sum_color = vec4(v_color, 1.0);
 #endif
 #ifdef DEPTH
-    sum_depth = vec4(1.0 / gl_FragCoord.w, 1.0, 0.0, 0.0);
+    sum_depth = vec4(axis_distance(), 1.0, 0.0, 0.0);
 #endif
 #ifdef TINT
     vec4 tint = show_lod ? vec4(TRIANGLE_LOD, 0.8) : vec4(0.0);

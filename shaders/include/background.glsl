@@ -8,14 +8,16 @@ uniform vec3 ground_centre;    // eye space, the point of the plane below the mo
 uniform float ground_radius;   // the model's
 #endif
 
-vec3 background(vec3 ray, float height)
+// start : eye space, where the view ray starts
+vec3 background(vec3 start, vec3 ray, float height)
 {
     vec3 color = mix(background_bottom, background_top, smoothstep(0.0, 1.0, height));
 #ifdef GROUND
-    // The floor shows from above only: n.ray < 0 there, and the plane lies below the eye.
+    // The floor shows from above only.
     float along = dot(ground_plane.xyz, ray);
-    if (ground_plane.w >= 0.0 || along >= 0.0) return color;
-    float distance = length(ray * (ground_plane.w / along) - ground_centre) / ground_radius;
+    if (along >= 0.0) return color;
+    float height_below = ground_plane.w - dot(ground_plane.xyz, start);
+    float distance = length(start + ray * (height_below / along) - ground_centre) / ground_radius;
     float fade = exp(-0.12 * distance * distance);
     color += 0.10 * fade;
     color *= 1.0 - 0.62 * exp(-1.8 * distance * distance);

@@ -1,0 +1,12 @@
+// Role: the distance of a fragment along the view axis. PARALLEL: from its depth, which then is linear in it.
+// Source: none.
+uniform mat4 clip_from_eye;
+
+float axis_distance()
+{
+#ifdef PARALLEL
+    return (clip_from_eye[3][2] - (2.0 * gl_FragCoord.z - 1.0)) / clip_from_eye[2][2];
+#else
+    return 1.0 / gl_FragCoord.w;
+#endif
+}
