@@ -9,6 +9,10 @@ from __future__ import annotations
 
 import numba as nb
 
+# Where the basis changes its branch: -2^-100. At 0 processor and GPU would differ, as a GPU takes numbers below 2^-126
+# for 0, so that a texel would be looked up in another frame than it was baked in.
+SEAM = -(2.0**-100)
+
 
 @nb.njit(cache=True, nogil=True, inline="always")
 def tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
@@ -16,8 +20,7 @@ def tangents(nx, ny, nz):  # type: ignore[no-untyped-def]
 
     nx, ny, nz : a unit vector
     """
-    # Not copysign: -0.0 must take the same branch on the GPU.
-    sign = 1.0 if nz >= 0.0 else -1.0
+    sign = 1.0 if nz > SEAM else -1.0
     a = -1.0 / (sign + nz)
     b = nx * ny * a
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
