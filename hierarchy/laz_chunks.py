@@ -10,13 +10,14 @@ import struct
 from pathlib import Path
 from typing import Any
 
+from hierarchy.las_header import LasHeader
 from hierarchy.part import UnreadableFile
 
 
-def check_chunks(path: Path, header: Any) -> None:
-    """Raise UnreadableFile unless the chunks of a LAZ file, whose laspy `header` is given, lie inside the file."""
+def check_chunks(path: Path, header: LasHeader) -> None:
+    """Raise UnreadableFile unless the chunks of a LAZ file, whose `header` is given, lie inside the file."""
     size = path.stat().st_size
-    start = int(header.offset_to_point_data)
+    start = header.start
     if start + 8 > size:
         raise UnreadableFile("truncated: the file ends before its points")
     with path.open("rb") as stream:
@@ -31,9 +32,9 @@ def check_chunks(path: Path, header: Any) -> None:
         stream.seek(table)
         _, chunks = struct.unpack("<II", stream.read(8))
         # A chunk starts with one whole point.
-        if chunks > (table - start - 8) // max(int(header.point_format.size), 1):
+        if chunks > (table - start - 8) // header.point_size:
             raise UnreadableFile("truncated or damaged: its table of chunks makes no sense")
-        if _chunk_bytes(stream, start, header) > table - start - 8:
+        if _chunk_bytes(stream, header) > table - start - 8:
             raise UnreadableFile("truncated or damaged: its chunks run beyond the end of the file")
 
 
@@ -41,12 +42,9 @@ def _read_integer(stream: Any, layout: str) -> int:
     return int(struct.unpack(layout, stream.read(struct.calcsize(layout)))[0])
 
 
-def _chunk_bytes(stream: Any, start: int, header: Any) -> int:
+def _chunk_bytes(stream: Any, header: LasHeader) -> int:
     """Return the size of all chunks together, in bytes, as the table says."""
     import lazrs
 
-    records = header.vlrs.get("LasZipVlr")
-    if not records:
-        raise UnreadableFile("damaged: it does not say how its points are compressed")
-    stream.seek(start)
-    return sum(size for _, size in lazrs.read_chunk_table(stream, lazrs.LazVlr(records[0].record_data)))
+    stream.seek(header.start)
+    return sum(size for _, size in lazrs.read_chunk_table(stream, lazrs.LazVlr(header.laszip)))

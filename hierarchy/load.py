@@ -10,7 +10,7 @@ from hierarchy.model import Cancelled, Mesh, Model, ModelError, PointCloud, Prog
 from hierarchy.part import Part, UnreadableFile
 
 # What a file starts with says more than what it is called.
-SIGNATURES = ((b"ply", "ply"), (b"LASF", "las"), (b"glTF", "glb"))
+SIGNATURES = ((b"ply", "ply"), (b"LASF", "las"), (b"glTF", "glb"), (b"ASTM-E57", "e57"))
 
 LAS_KINDS = ("las", "laz")
 TEXT_KINDS = ("xyz", "pts", "txt", "asc", "csv", "xyzrgb", "xyzn")
@@ -24,7 +24,7 @@ def load_model(
 ) -> Mesh | PointCloud:
     """Load a mesh or a point cloud.
 
-    path : a file of any kind that trimesh reads, a PLY, LAS, LAZ, or points as text
+    path : a file of any kind that trimesh reads, a PLY, LAS, LAZ, E57, or points as text
     texture : an image for the model's texture coordinates, in place of the one that the model names
     progress : called with the stage "load" or "normals"
     Raises ModelError, one line "NAME: reason", where there is nothing that can be drawn; Cancelled from `progress`.
@@ -47,7 +47,7 @@ def load_model(
         # BaseException, because a panic in Rust code, of which lazrs has some, is no Exception.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise ModelError(_one_line(f"{name}: {_reason(error, kind)}")) from error
+        raise ModelError(_one_line(f"{name}: {reason(error, kind)}")) from error
 
 
 def file_kind(path: Path) -> str:
@@ -87,18 +87,22 @@ def read_parts(path: Path, kind: str, warnings: list[str], progress: Progress = 
 
         return read_stl(path)
     if kind in LAS_KINDS:
-        from hierarchy.las import read_las
+        from hierarchy.las import is_compressed, read_las
 
-        return read_las(path, progress)
+        if not is_compressed(path):
+            return read_las(path, progress)
+    if kind == "e57":
+        from hierarchy.e57 import read_e57
+
+        return read_e57(path, warnings, progress)
     if kind in TEXT_KINDS:
         from hierarchy.text_points import read_text_points
 
         return read_text_points(path)
-    from hierarchy.trimesh_files import read_with_trimesh, trimesh_reads
+    # LAZ, and what trimesh reads.
+    from hierarchy.contained import read_contained
 
-    if not trimesh_reads(kind):
-        raise UnreadableFile(f"unknown kind of file ({path.suffix or 'no suffix'})")
-    return read_with_trimesh(path, kind, warnings)
+    return read_contained(path, kind, warnings, progress)
 
 
 def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, warnings: list[str]) -> None:
@@ -125,8 +129,8 @@ def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, w
                 images[part.texture_name] = read_texture(inside_folder(path.parent, part.texture_name))
             part.texture = images[part.texture_name]
         except (UnreadableFile, OSError) as error:
-            reason = "is not in the model's folder" if isinstance(error, OSError) else "cannot be read"
-            sentence = f"the texture {part.texture_name} {reason}"
+            why = "is not in the model's folder" if isinstance(error, OSError) else "cannot be read"
+            sentence = f"the texture {part.texture_name} {why}"
             if sentence not in warnings:
                 warnings.append(sentence)
 
@@ -165,7 +169,7 @@ def _assemble(
     return assemble_cloud(path.name, parts, warnings, progress)
 
 
-def _reason(error: BaseException, kind: str) -> str:
+def reason(error: BaseException, kind: str) -> str:
     """Say in words of the user what went wrong."""
     match error:
         case UnreadableFile():

@@ -1,4 +1,8 @@
-"""Read what trimesh reads: STL, OBJ, OFF, glTF, 3MF, COLLADA and more, with the scene's transforms applied."""
+"""Read what trimesh reads: OFF, glTF, 3MF, COLLADA and more, with the scene's transforms applied.
+
+Small files of these kinds may ask for any time and memory (archives, references in circles, images that unpack), so
+`read_with_trimesh` is for the child process of `contained.py`.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from hierarchy.model import UInt8Array
 from hierarchy.part import Part, UnreadableFile, indices_in_range, split_corners
 from hierarchy.references import inside_folder
 from hierarchy.texture import texels
+from hierarchy.unpacking import check_unpacked
 
 # What trimesh gives a material that the file does not define.
 DEFAULT_GREY = (102, 102, 102, 255)
@@ -32,10 +37,14 @@ def read_with_trimesh(path: Path, kind: str, warnings: list[str]) -> list[Part]:
     """
     import trimesh
 
+    size = path.stat().st_size
     with path.open("rb") as stream:
         scene = trimesh.load_scene(stream, file_type=kind, resolver=_folder_resolver(path, warnings), process=False)
-    parts = []
+    parts, elements = [], 0
     for transform, geometry in _placed_geometries(scene):
+        # Before it is copied: a scene may place one geometry any number of times.
+        elements += len(getattr(geometry, "faces", getattr(geometry, "vertices", ())))
+        check_unpacked(elements, size)
         if isinstance(geometry, trimesh.Trimesh):
             parts.append(_moved(mesh_part(geometry), transform))
         elif isinstance(geometry, trimesh.PointCloud):
@@ -120,7 +129,9 @@ def _take_material(part: Part, visual: Any) -> None:
     if image is not None and part.texture_coordinates is not None:
         part.texture = texels(image)
         if hasattr(material, "baseColorFactor") and factor is not None:
-            part.texture = np.rint(part.texture * (factor / 255.0)).astype(np.uint8)
+            # A table for each channel, not products for each texel, which would take 8 bytes each.
+            products = np.rint(np.arange(256)[:, None] * (factor / 255.0)).astype(np.uint8)
+            part.texture = np.stack([products[part.texture[..., i], i] for i in range(4)], axis=2)
     elif factor is not None and tuple(factor) != DEFAULT_GREY:
         red, green, blue, alpha = (int(value) for value in factor)
         part.material_color = red, green, blue, alpha
