@@ -8,6 +8,7 @@ import numpy as np
 
 from hierarchy.model import Cancelled, Mesh, Model, ModelError, PointCloud, Progress, UInt8Array, ignore_progress
 from hierarchy.part import Part, UnreadableFile
+from hierarchy.plain_text import plain_line
 
 # What a file starts with says more than what it is called.
 SIGNATURES = ((b"ply", "ply"), (b"LASF", "las"), (b"glTF", "glb"), (b"ASTM-E57", "e57"))
@@ -15,8 +16,11 @@ SIGNATURES = ((b"ply", "ply"), (b"LASF", "las"), (b"glTF", "glb"), (b"ASTM-E57",
 LAS_KINDS = ("las", "laz")
 TEXT_KINDS = ("xyz", "pts", "txt", "asc", "csv", "xyzrgb", "xyzn")
 
-# What a library says is shown up to this many characters.
-LONGEST_REASON = 120
+# A file may refer to thousands of files that are missing; these many warnings say enough.
+MOST_WARNINGS = 10
+
+# Letters whose names start with a vowel, and so take "an": an OBJ file.
+TAKE_AN = "AEFHILMNORSX"
 
 
 def load_model(
@@ -30,7 +34,7 @@ def load_model(
     Raises ModelError, one line "NAME: reason", where there is nothing that can be drawn; Cancelled from `progress`.
     """
     path = Path(path)
-    name = path.name or str(path)
+    name = plain_line(path.name or str(path))
     kind = ""
     warnings: list[str] = []
     try:
@@ -40,14 +44,14 @@ def load_model(
         with np.errstate(invalid="ignore", over="ignore"):
             parts = read_parts(path, kind, warnings, progress)
         progress("load", 0.3)
-        return _assemble(path, parts, texture, warnings, progress)
+        return _assemble(path, name, parts, texture, warnings, progress)
     except (Cancelled, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
         # BaseException, because a panic in Rust code, of which lazrs has some, is no Exception.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise ModelError(_one_line(f"{name}: {reason(error, kind)}")) from error
+        raise ModelError(f"{name}: {plain_line(reason(error, kind))}") from error
 
 
 def file_kind(path: Path) -> str:
@@ -111,7 +115,7 @@ def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, w
     Raises UnreadableFile where the image that was asked for cannot be read; one that the model names is only missed.
     """
     from hierarchy.references import inside_folder
-    from hierarchy.texture import read_texture
+    from hierarchy.texture import MOST_TEXELS, read_texture
 
     if texture is not None:
         image = read_texture(Path(texture))
@@ -120,19 +124,21 @@ def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, w
         for part in parts:
             part.texture = image
         return
-    images: dict[str, UInt8Array] = {}
+    images: dict[str, UInt8Array | None] = {}
+    room = MOST_TEXELS
     for part in parts:
-        if part.texture_name is None or part.texture_coordinates is None:
+        name = part.texture_name
+        if name is None or part.texture_coordinates is None:
             continue
-        try:
-            if part.texture_name not in images:
-                images[part.texture_name] = read_texture(inside_folder(path.parent, part.texture_name))
-            part.texture = images[part.texture_name]
-        except (UnreadableFile, OSError) as error:
-            why = "is not in the model's folder" if isinstance(error, OSError) else "cannot be read"
-            sentence = f"the texture {part.texture_name} {why}"
-            if sentence not in warnings:
-                warnings.append(sentence)
+        if name not in images:
+            images[name] = None
+            try:
+                images[name] = image = read_texture(inside_folder(path.parent, name), most=room)
+                room -= image.shape[0] * image.shape[1]
+            except (UnreadableFile, OSError) as error:
+                why = "is not in the model's folder" if isinstance(error, OSError) else "cannot be read"
+                warnings.append(f"the texture {plain_line(name)} {why}")
+        part.texture = images[name]
 
 
 def apply_material_colors(parts: list[Part]) -> None:
@@ -151,8 +157,16 @@ def apply_material_colors(parts: list[Part]) -> None:
                 part.colors = np.tile(np.array(part.material_color, np.uint8), (len(part.positions), 1))
 
 
+def shorten(warnings: list[str]) -> None:
+    """Make each warning a plain line, and replace those beyond `MOST_WARNINGS` by their number."""
+    beyond = len(warnings) - MOST_WARNINGS
+    warnings[:] = [plain_line(warning) for warning in warnings[:MOST_WARNINGS]]
+    if beyond > 0:
+        warnings.append(f"and {beyond} more like these")
+
+
 def _assemble(
-    path: Path, parts: list[Part], texture: str | Path | None, warnings: list[str], progress: Progress
+    path: Path, name: str, parts: list[Part], texture: str | Path | None, warnings: list[str], progress: Progress
 ) -> Model:
     """Make one model of the parts: a mesh where any has faces, else a cloud."""
     meshes = [part for part in parts if part.faces is not None]
@@ -161,12 +175,14 @@ def _assemble(
 
         attach_textures(path, meshes, texture, warnings)
         apply_material_colors(meshes)
-        return assemble_mesh(path.name, meshes, warnings, progress)
+        shorten(warnings)
+        return assemble_mesh(name, meshes, warnings, progress)
     if texture is not None:
         warnings.append("the texture is not used: the model has no faces")
     from hierarchy.assemble_cloud import assemble_cloud
 
-    return assemble_cloud(path.name, parts, warnings, progress)
+    shorten(warnings)
+    return assemble_cloud(name, parts, warnings, progress)
 
 
 def reason(error: BaseException, kind: str) -> str:
@@ -182,14 +198,15 @@ def reason(error: BaseException, kind: str) -> str:
             return "not enough memory to load it"
         case ModuleNotFoundError() if isinstance(error.__context__, UnicodeError):
             # trimesh wants a package that guesses encodings where it meets bytes that are no text.
-            return f"damaged or not a {kind.upper()} file (it holds bytes that are no text)"
+            return f"{_damaged(kind)} (it holds bytes that are no text)"
         case ModuleNotFoundError():
             return f"reading {kind.upper()} files needs the Python package {error.name}"
         case OSError(strerror=str(text)):
             return f"cannot be read: {text}"
-    said = _one_line(str(error)) or type(error).__name__
-    return f"damaged, truncated or not a {kind.upper()} file ({said[:LONGEST_REASON]})"
+    # What the library says is about its own insides.
+    return _damaged(kind)
 
 
-def _one_line(message: str) -> str:
-    return " ".join(message.split())
+def _damaged(kind: str) -> str:
+    article = "an" if kind[:1].upper() in TAKE_AN else "a"
+    return f"damaged, truncated or not {article} {kind.upper()} file"

@@ -10,8 +10,15 @@ import numpy as np
 from hierarchy.model import BoolArray, Float64Array
 from hierarchy.obj_materials import Material, read_materials
 from hierarchy.part import AnyArray, Int64Array, Part, UnreadableFile, colors_from_channels
+from hierarchy.plain_text import plain_line
 from hierarchy.ply import fan_triangles
 from hierarchy.unique_rows import unique_rows
+
+# Each material is a part, and takes a millisecond.
+MOST_MATERIALS = 4096
+
+# Exporters write one.
+MOST_MATERIAL_FILES = 16
 
 # How many numbers a line of each kind has at least.
 LEAST_NUMBERS = {b"v": 3, b"vn": 3, b"vt": 1, b"f": 3}
@@ -46,6 +53,9 @@ def read_obj(path: Path, warnings: list[str]) -> list[Part]:
     triangles, starts = triangles[whole], starts[rows[whole]]
 
     parts = []
+    # A corner without one takes the one that is added at the end.
+    coordinates = np.concatenate([coordinates, np.zeros((1, 2))])
+    normals = np.concatenate([normals, np.full((1, 3), np.nan)])
     for material, chosen in _by_material(path, data, starts, warnings):
         part = _part(points, coordinates, normals, triangles[chosen])
         part.texture_name, part.material_color = material.texture_name, material.color
@@ -72,40 +82,64 @@ def _is_cut_off(data: bytes) -> bool:
 
 def _by_material(path: Path, data: bytes, starts: Int64Array, warnings: list[str]) -> list[tuple[Material, AnyArray]]:
     """Return each material in use and the triangles (indices) that have it, by the bytes where their lines start."""
-    uses = [
-        (m.start(), m[1].decode("utf-8", "replace").strip()) for m in re.finditer(rb"(?m)^\s*usemtl[ \t]+(.*)$", data)
-    ]
+    uses = [(m.start(), _name(m[1])) for m in re.finditer(rb"(?m)^[ \t]*usemtl[ \t]+([^\r\n]*)", data)]
     if not uses or len(starts) == 0:
         return [(Material(), np.arange(len(starts)))] if len(starts) else []
+    materials = _read_material_files(path, data, warnings)
+    # Materials that say the same are one; those beyond the most say nothing.
+    numbers = {Material(): 0}
+    number_of_use = [0]
+    left_out = False
+    for _, name in uses:
+        material = materials.get(name, Material())
+        if len(numbers) < MOST_MATERIALS:
+            numbers.setdefault(material, len(numbers))
+        number_of_use.append(numbers.get(material, 0))
+        left_out |= material not in numbers
+    if left_out:
+        warnings.append(f"of the materials only {MOST_MATERIALS - 1} are used")
+    number = np.array(number_of_use)[np.searchsorted([start for start, _ in uses], starts, side="right")]
+    order = np.argsort(number, kind="stable")
+    ends = np.cumsum(np.bincount(number, minlength=len(numbers)))
+    chosen = np.split(order, ends[:-1])
+    return [(material, chosen[k]) for material, k in numbers.items() if len(chosen[k])]
+
+
+def _read_material_files(path: Path, data: bytes, warnings: list[str]) -> dict[str, Material]:
+    """Read each material file that the OBJ names, once."""
+    names = dict.fromkeys(_name(m[1]) for m in re.finditer(rb"(?m)^[ \t]*mtllib[ \t]+([^\r\n]*)", data))
     materials: dict[str, Material] = {}
-    for match in re.finditer(rb"(?m)^\s*mtllib[ \t]+(.*)$", data):
-        name = match[1].decode("utf-8", "replace").strip()
+    for name in list(names)[:MOST_MATERIAL_FILES]:
         try:
             materials |= read_materials(path.parent, name)
         except OSError:
-            warnings.append(f"the material file {name} is not in the model's folder")
-    names = [""] + [name for _, name in uses]
-    section = np.searchsorted([start for start, _ in uses], starts, side="right")
-    distinct = {materials.get(name, Material()) for name in names}
-    numbered = list(distinct)
-    number = np.array([numbered.index(materials.get(name, Material())) for name in names])[section]
-    return [(numbered[k], np.flatnonzero(number == k)) for k in np.unique(number)]
+            warnings.append(f"the material file {plain_line(name)} is not in the model's folder")
+        except UnreadableFile as error:
+            warnings.append(f"the material file {plain_line(name)} is {error}")
+    if len(names) > MOST_MATERIAL_FILES:
+        warnings.append(f"of {len(names)} material files only {MOST_MATERIAL_FILES} are read")
+    return materials
+
+
+def _name(raw: bytes) -> str:
+    return raw.decode("utf-8", "replace").strip()
 
 
 def _part(points: Part, coordinates: Float64Array, normals: Float64Array, triangles: Int64Array) -> Part:
-    """Make vertices of the distinct corners of `triangles` (T, 3, 3): vertex, texture coordinate and normal."""
+    """Make vertices of the distinct corners of `triangles` (T, 3, 3): vertex, texture coordinate and normal.
+
+    The last of `coordinates` and of `normals` is for corners that have none.
+    """
     corners = triangles.reshape(-1, 3)
-    with_coordinates = bool(_present(corners[:, 1], len(coordinates)).any())
-    with_normals = bool(_present(corners[:, 2], len(normals)).any())
+    no_coordinate, no_normal = len(coordinates) - 1, len(normals) - 1
+    has_coordinate, has_normal = _present(corners[:, 1], no_coordinate), _present(corners[:, 2], no_normal)
+    with_coordinates, with_normals = bool(has_coordinate.any()), bool(has_normal.any())
     used = np.zeros_like(corners)
     used[:, 0] = corners[:, 0]
-    # A corner without one takes the one that is added at the end.
     if with_coordinates:
-        used[:, 1] = np.where(_present(corners[:, 1], len(coordinates)), corners[:, 1], len(coordinates))
-        coordinates = np.concatenate([coordinates, np.zeros((1, 2))])
+        used[:, 1] = np.where(has_coordinate, corners[:, 1], no_coordinate)
     if with_normals:
-        used[:, 2] = np.where(_present(corners[:, 2], len(normals)), corners[:, 2], len(normals))
-        normals = np.concatenate([normals, np.full((1, 3), np.nan)])
+        used[:, 2] = np.where(has_normal, corners[:, 2], no_normal)
     inverse, first = unique_rows(used.astype(np.uint32))
     vertex, coordinate, normal = used[first].T
     return Part(

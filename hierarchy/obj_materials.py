@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from hierarchy.part import UnreadableFile
 from hierarchy.references import inside_folder
 
 # Options of a texture statement and how many values follow at most; those of variable number hold only numbers.
@@ -13,6 +14,10 @@ OPTIONS = {
     "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-type": 1,
 }  # fmt: skip
 VARIABLE_OPTIONS = ("-o", "-s", "-t")
+
+
+# Bytes; thousands of materials take some hundreds of kilobytes.
+LARGEST_FILE = 4 << 20
 
 
 @dataclass(frozen=True)
@@ -24,8 +29,15 @@ class Material:
 
 
 def read_materials(folder: Path, name: str) -> dict[str, Material]:
-    """Read a material file by the name that an OBJ in `folder` gives it. Raises OSError where it is missing."""
-    text = inside_folder(folder, name).read_text("utf-8", "replace")
+    """Read a material file by the name that an OBJ in `folder` gives it.
+
+    Raises OSError where it is missing, UnreadableFile where it is too large.
+    """
+    with inside_folder(folder, name).open("rb") as stream:
+        data = stream.read(LARGEST_FILE + 1)
+    if len(data) > LARGEST_FILE:
+        raise UnreadableFile("too large")
+    text = data.decode("utf-8", "replace")
     materials: dict[str, Material] = {}
     current: str | None = None
     for line in text.splitlines():

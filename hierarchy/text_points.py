@@ -19,6 +19,10 @@ from hierarchy.part import Part, UnreadableFile, colors_from_channels
 UNIT_TOLERANCE = 0.02
 
 
+# Columns that are looked at. A scanner writes a dozen; a file that is one long line has as many as numbers.
+MOST_COLUMNS = 64
+
+
 def read_text_points(path: Path) -> list[Part]:
     """Read a text file of points. Raises UnreadableFile, OSError."""
     text = path.read_bytes()
@@ -27,7 +31,7 @@ def read_text_points(path: Path) -> list[Part]:
     table = _table(text)
     part = Part(np.ascontiguousarray(table[:, :3]))
     column = 3
-    while column < table.shape[1]:
+    while column < min(table.shape[1], MOST_COLUMNS):
         three = table[:, column : column + 3]
         if three.shape[1] == 3 and part.normals is None and _are_normals(three):
             part.normals = np.ascontiguousarray(three)
@@ -74,7 +78,7 @@ def _is_point(line: bytes) -> bool:
 
 def _are_normals(values: Float64Array) -> bool:
     lengths = np.linalg.norm(np.nan_to_num(values), axis=1)
-    return bool(abs(np.median(lengths) - 1.0) < UNIT_TOLERANCE) and bool(np.nanmin(values) < 0.0)
+    return bool(abs(np.median(lengths) - 1.0) < UNIT_TOLERANCE) and bool((values < 0.0).any())
 
 
 def _are_colors(values: Float64Array, columns_left: int) -> bool:

@@ -6,6 +6,7 @@ until an edge spans only a few.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,33 +25,67 @@ TEXELS_PER_EDGE = 2.5
 # Splitting for a texture stops here: a hierarchy of so many leaves takes some seconds to build.
 MOST_FACES = 1_000_000
 
+# All textures of a model together may have so many: 512 MB. An image of a few kilobytes can hold a thousand times that.
+MOST_TEXELS = 1 << 27
+
+# Texels that are converted at once.
+BAND = 1 << 22
+
+# What textures come in. Not all that Pillow reads: some kinds are programs that it has another program run.
+FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "TGA", "WEBP", "GIF", "JPEG2000", "PPM", "DDS", "SGI", "PCX")
+
 # Edges shorter than this fraction of the model are not split: their middle would fall on an end in float32.
 SHORTEST_EDGE = 1e-6
 
 
-def read_texture(path: Path) -> UInt8Array:
-    """Read an image file as uint8 (H, W, 4) straight RGBA. Raises UnreadableFile."""
+def read_texture(path: Path, most: int = MOST_TEXELS) -> UInt8Array:
+    """Read an image file of at most `most` texels as uint8 (H, W, 4) straight RGBA. Raises UnreadableFile."""
     from PIL import Image
 
+    name = path.name
+    # Reading a pipe would wait for somebody to write, and a device may never end.
+    if path.exists() and not path.is_file():
+        raise UnreadableFile(f"the texture {name} is no readable image: it is not a regular file")
     try:
-        with Image.open(path) as image:
-            return texels(image)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=FORMATS) as image:
+                return texels(image, most)
     except FileNotFoundError:
-        raise UnreadableFile(f"no such texture: {path.name}") from None
+        raise UnreadableFile(f"no such texture: {name}") from None
     except PermissionError:
-        raise UnreadableFile(f"no permission to read the texture {path.name}") from None
+        raise UnreadableFile(f"no permission to read the texture {name}") from None
+    except (UnreadableFile, Image.DecompressionBombError) as error:
+        raise UnreadableFile(f"the texture {name} has too many texels") from error
     except Exception as error:
         # Pillow raises a dozen kinds for damaged images.
-        raise UnreadableFile(f"the texture {path.name} is no readable image") from error
+        raise UnreadableFile(f"the texture {name} is no readable image") from error
 
 
-def texels(image: Any) -> UInt8Array:
-    """Return a Pillow image as uint8 (H, W, 4) straight RGBA."""
+def texels(image: Any, most: int = MOST_TEXELS) -> UInt8Array:
+    """Return a Pillow image as uint8 (H, W, 4) straight RGBA. Raises UnreadableFile where it has more than `most`.
+
+    Pillow raises what it likes where the image is damaged.
+    """
+    width, height = image.size
+    if width * height > most:
+        raise UnreadableFile(f"a texture of {width} x {height} texels is too large")
+    if width * height == 0:
+        raise ValueError("a texture without texels")
+    result = np.empty((height, width, 4), np.uint8)
+    # In bands, as a large image must not be in memory three times.
+    rows = max(1, BAND // max(width, 1))
+    for top in range(0, height, rows):
+        result[top : top + rows] = _rgba(image.crop((0, top, width, min(top + rows, height))))
+    return result
+
+
+def _rgba(image: Any) -> AnyArray:
     if image.mode.startswith("I"):
         # Pillow clips 16-bit grey instead of scaling it.
         grey = np.clip(np.asarray(image).astype(np.int64) >> 8, 0, 255).astype(np.uint8)
         return np.stack([grey, grey, grey, np.full_like(grey, 255)], axis=2)
-    return np.ascontiguousarray(np.asarray(image.convert("RGBA")))
+    return np.asarray(image.convert("RGBA"))
 
 
 def sample_bilinear(texture: UInt8Array, coordinates: Float64Array) -> UInt8Array:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from hierarchy import load
 from hierarchy.load import load_model
@@ -82,6 +83,38 @@ def test_the_content_says_more_than_the_name(tmp_path):
     assert load_model(str(path)).name == "A.OBJ"
 
 
+def test_a_name_that_no_terminal_should_obey(tmp_path):
+    path = tmp_path / "a\n\x1b[2J\u202eb\udcff.obj"
+    path.write_text(TRIANGLE + "mtllib \x1b[31mred.mtl\nusemtl a\nf 1 3 2\n")
+    mesh = load_model(path)
+    assert mesh.name == "a ?[2J?b?.obj"
+    assert mesh.warnings[0] == "the material file ?[31mred.mtl is not in the model's folder"
+    path.write_text("v 0 0 0\nv 1")
+    with pytest.raises(ModelError, match=r"^a \?\[2J\?b\?\.obj: truncated: its last line is cut off$"):
+        load_model(path)
+
+
+def test_thousands_of_missing_files_are_a_few_warnings(tmp_path):
+    path = tmp_path / "a.obj"
+    (tmp_path / "a.mtl").write_text("".join(f"newmtl {k}\nmap_Kd {'x' * 500}{k}.png\n" for k in range(100)))
+    faces = "".join(f"usemtl {k}\nf 1/1 2/1 3/1\n" for k in range(100))
+    path.write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n" + faces)
+    warnings = load_model(path).warnings
+    assert len(warnings) == 11
+    assert warnings[-1] == "and 90 more like these"
+    assert max(map(len, warnings)) <= 200
+
+
+def test_textures_that_are_too_large_together(tmp_path, monkeypatch):
+    monkeypatch.setattr("hierarchy.texture.MOST_TEXELS", 40)
+    for k in range(3):
+        Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / f"{k}.png")
+    (tmp_path / "a.mtl").write_text("".join(f"newmtl {k}\nmap_Kd {k}.png\n" for k in range(3)))
+    faces = "".join(f"usemtl {k}\nf 1/1 2/1 3/1\n" for k in range(3))
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n" + faces)
+    assert load_model(tmp_path / "a.obj").warnings == ("the texture 2.png cannot be read",)
+
+
 def test_counts_of_what_was_dropped(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text(TRIANGLE + "v nan 0 0\nf 1 2 4\nf 1 2 9\nf 1 2 2\nf 2 1 1\n")
@@ -119,9 +152,9 @@ class PanicException(BaseException):
 @pytest.mark.parametrize(
     ("error", "expected"),
     [
-        (PanicException("index out of bounds:\n 3"), "damaged, truncated or not a OBJ file (index out of bounds: 3)"),
-        (ValueError(), "damaged, truncated or not a OBJ file (ValueError)"),
-        (RecursionError("too deep"), "damaged, truncated or not a OBJ file (too deep)"),
+        (PanicException("index out of bounds:\n 3"), "damaged, truncated or not an OBJ file"),
+        (ValueError(), "damaged, truncated or not an OBJ file"),
+        (RecursionError("too deep"), "damaged, truncated or not an OBJ file"),
         (MemoryError(), "not enough memory to load it"),
         (OSError(5, "Input/output error"), "cannot be read: Input/output error"),
         (ModuleNotFoundError("No module named 'x'", name="x"), "reading OBJ files needs the Python package x"),

@@ -1,9 +1,11 @@
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hierarchy.obj import read_obj
+from hierarchy.obj import MOST_MATERIAL_FILES, MOST_MATERIALS, read_obj
 from hierarchy.obj_scan import count_lines, scan_lines
 from hierarchy.part import UnreadableFile
 
@@ -134,3 +136,48 @@ def test_last_line_cut_off(tmp_path, rest):
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" + rest)
     with pytest.raises(UnreadableFile, match="truncated"):
         read_obj(path, [])
+
+
+def seconds_to_read(tmp_path, text):
+    path = tmp_path / "a.obj"
+    path.write_text(text)
+    read_obj(path, [])
+    start = time.process_time()
+    warnings = []
+    parts = read_obj(path, warnings)
+    return time.process_time() - start, parts, warnings
+
+
+def test_a_million_empty_lines_before_materials(tmp_path):
+    """A search for "blanks, then usemtl" began anew at each line."""
+    seconds, parts, _ = seconds_to_read(tmp_path, SQUARE + "f 1 2 3\n" + "\n" * 1_000_000 + "usemtl a\nf 1 2 3\n")
+    assert len(parts) == 1
+    assert seconds < 2.0
+
+
+def test_one_material_file_named_ten_thousand_times_is_read_once(tmp_path, monkeypatch):
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    seen = []
+    monkeypatch.setattr("hierarchy.obj.read_materials", lambda folder, name: seen.append(name) or {})
+    lines = "mtllib a.mtl\n" * 10_000 + "".join(f"mtllib {k}.mtl\n" for k in range(10_000))
+    _, _, warnings = seconds_to_read(tmp_path, lines + SQUARE + "usemtl a\nf 1 2 3\n")
+    assert len(seen) == 2 * MOST_MATERIAL_FILES
+    assert warnings == [f"of 10001 material files only {MOST_MATERIAL_FILES} are read"]
+
+
+def test_a_material_a_face(tmp_path):
+    (tmp_path / "a.mtl").write_text("".join(f"newmtl {k}\nmap_Kd {k}.png\n" for k in range(20_000)))
+    text = "mtllib a.mtl\n" + SQUARE + "".join(f"usemtl {k}\nf 1 2 3\n" for k in range(20_000))
+    seconds, parts, warnings = seconds_to_read(tmp_path, text)
+    assert len(parts) == MOST_MATERIALS
+    assert sum(len(part.faces) for part in parts) == 20_000
+    assert warnings == [f"of the materials only {MOST_MATERIALS - 1} are used"]
+    assert seconds < 5.0
+
+
+def test_a_material_file_without_end(tmp_path):
+    with (tmp_path / "a.mtl").open("wb") as stream:
+        stream.truncate(1 << 33)
+    warnings = []
+    read(tmp_path, "mtllib a.mtl\n" + SQUARE + "usemtl a\nf 1 2 3\n", warnings)
+    assert warnings == ["the material file a.mtl is too large"]

@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,19 @@ def test_damaged(tmp_path, text, reason):
     path.write_text(text)
     with pytest.raises(UnreadableFile, match=reason):
         read_text_points(path)
+
+
+def test_one_line_of_half_a_million_numbers(tmp_path):
+    path = tmp_path / "a.xyz"
+    path.write_text("1 " * 500_000)
+    start = time.process_time()
+    (part,) = read_text_points(path)
+    assert time.process_time() - start < 2.0
+    assert part.positions.shape == (1, 3)
+
+
+def test_columns_without_any_number(tmp_path):
+    path = tmp_path / "a.xyz"
+    path.write_text("0 0 0 nan nan nan\n1 0 0 nan nan nan\n")
+    (part,) = read_text_points(path)
+    assert part.normals is None

@@ -1,3 +1,7 @@
+import os
+import struct
+import zlib
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -66,6 +70,48 @@ def test_images_that_cannot_be_read(tmp_path):
         read_texture(tmp_path / "b.png")
     with pytest.raises(UnreadableFile, match="no readable image"):
         read_texture(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_as_a_texture_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    with pytest.raises(UnreadableFile, match="not a regular file"):
+        read_texture(tmp_path / "pipe.png")
+
+
+def test_a_texture_that_is_a_program_is_not_run(tmp_path):
+    """Pillow would have Ghostscript run PostScript."""
+    (tmp_path / "a.png").write_bytes(
+        b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n%%EOF\n"
+    )
+    with pytest.raises(UnreadableFile, match="no readable image"):
+        read_texture(tmp_path / "a.png")
+
+
+def test_an_image_that_unpacks_to_gigabytes(tmp_path):
+    """A kilobyte that says it is 60,000 texels wide and high."""
+    rows = zlib.compress(bytes(1000))
+    chunks = ((b"IHDR", struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)), (b"IDAT", rows), (b"IEND", b""))
+    blocks = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks]
+    (tmp_path / "bomb.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(blocks))
+    with pytest.raises(UnreadableFile, match=r"bomb\.png has too many texels"):
+        read_texture(tmp_path / "bomb.png")
+    Image.new("L", (20, 10)).save(tmp_path / "a.png")
+    with pytest.raises(UnreadableFile, match="too many texels"):
+        read_texture(tmp_path / "a.png", most=199)
+    assert read_texture(tmp_path / "a.png", most=200).shape == (10, 20, 4)
+
+
+def test_an_image_of_no_texel(tmp_path):
+    (tmp_path / "a.gif").write_bytes(b"GIF89a" + bytes(7) + b",\0\0\0\0\0\0\0\0\0\2\0;")
+    with pytest.raises(UnreadableFile, match="no readable image"):
+        read_texture(tmp_path / "a.gif")
+
+
+def test_a_large_image_is_read_in_bands(tmp_path, monkeypatch):
+    monkeypatch.setattr("hierarchy.texture.BAND", 3 * 8)
+    Image.fromarray(TEXTURE).save(tmp_path / "a.png")
+    np.testing.assert_array_equal(read_texture(tmp_path / "a.png"), TEXTURE)
 
 
 def test_a_quad_shows_its_texture(tmp_path):
