@@ -16,13 +16,15 @@ import numpy as np
 TURNS = 8
 # The turn is added to a coordinate of a box, which is at most 1 in absolute value, in steps of this size.
 TURN_STEP = 4.0
+# What the ends are moved out by: float32 holds the last one, with all turns added to it, to half of 1.9e-6.
+ROUNDING = 1e-6
 # The box of a disc that is drawn whole.
 WHOLE_DISC = (-1.0, 1.0, -1.0, 1.0)
 
 
 @nb.njit(cache=True, nogil=True)
 def tight_box(points, x, y, radius, box):  # type: ignore[no-untyped-def]
-    """Write the smallest rectangle around float64 points (N, 2) to box, float (4,).
+    """Write the smallest rectangle around float64 points (N, 2) to box, float32 (4,), rounded outwards.
 
     x, y, radius : of a circle that holds the points
     box : low and high ends along the turned u axis, low and high ends along the turned v axis, relative to the circle's
@@ -46,5 +48,5 @@ def tight_box(points, x, y, radius, box):  # type: ignore[no-untyped-def]
         area = (right - left) * (high - low)
         if area < smallest:
             smallest = area
-            box[0], box[1], box[2] = max(left, -1.0), min(right, 1.0), max(low, -1.0)
-            box[3] = min(high, 1.0) + TURN_STEP * turn
+            box[0], box[1] = max(left - ROUNDING, -1.0), min(right + ROUNDING, 1.0)
+            box[2], box[3] = max(low - ROUNDING, -1.0), min(high + ROUNDING, 1.0) + TURN_STEP * turn

@@ -20,8 +20,8 @@ from hierarchy.model import Float32Array, Int32Array
 
 # Below this share of the summed areas the mean normal is noise (the sides of a thin sheet cancel).
 MEAN_NORMAL_MIN = 0.3
-# Twice the rounding of a float32 coordinate: what the stored centre may be off by, added to radii.
-FLOAT32_SLACK = 1.2e-7
+# Radii are stored as float32 and read beside tangents of float32 normals: more than both are off by.
+ROUNDED_UP = 1.0 + 1e-6
 
 
 @nb.njit(cache=True, nogil=True)
@@ -107,23 +107,26 @@ def _discs(positions, indices, radii, normals, centres, areas, begin, end, axes)
         circle = np.empty(3, np.float64)
         enclosing_circle(points, circle)
 
-        cx = ox + circle[0] * ux + circle[1] * vx + mean * nx
-        cy = oy + circle[0] * uy + circle[1] * vy + mean * ny
-        cz = oz + circle[0] * uz + circle[1] * vz + mean * nz
-        sphere2 = 0.0
+        out_centre[node, 0] = ox + circle[0] * ux + circle[1] * vx + mean * nx
+        out_centre[node, 1] = oy + circle[0] * uy + circle[1] * vy + mean * ny
+        out_centre[node, 2] = oz + circle[0] * uz + circle[1] * vz + mean * nz
+        out_normal[node, 0], out_normal[node, 1], out_normal[node, 2] = nx, ny, nz
+        # Storing has rounded the centre: measure from there, so that nothing sticks out by rounding.
+        cx, cy, cz = np.float64(out_centre[node, 0]), np.float64(out_centre[node, 1]), np.float64(out_centre[node, 2])
+        x, y, z = cx - ox, cy - oy, cz - oz
+        u, v, mean = x * ux + y * uy + z * uz, x * vx + y * vy + z * vz, x * nx + y * ny + z * nz
+        radius2 = sphere2 = 0.0
+        for k in range(len(points)):
+            radius2 = max(radius2, (points[k, 0] - u) ** 2 + (points[k, 1] - v) ** 2)
         for i in range(first, last):
             for j in range(corners):
                 x, y, z = corner(positions, indices, radii, normals, i, j)
                 sphere2 = max(sphere2, (x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2)
-        slack = FLOAT32_SLACK * (abs(cx) + abs(cy) + abs(cz))
-        out_centre[node, 0], out_centre[node, 1], out_centre[node, 2] = cx, cy, cz
-        out_normal[node, 0], out_normal[node, 1], out_normal[node, 2] = nx, ny, nz
-        radius = math.sqrt(circle[2])
-        tight_box(points, circle[0], circle[1], radius, out_box[node])
-        out_size[node, 0] = radius * (1.0 + 1e-6) + slack
-        out_size[node, 1] = max(high - mean, mean - low)
+        out_size[node, 0] = math.sqrt(radius2) * ROUNDED_UP
+        out_size[node, 1] = max(high - mean, mean - low) * ROUNDED_UP
         # The sphere holds the disc too: it stands for both in every culling test.
-        out_size[node, 2] = max(math.sqrt(sphere2), radius) * (1.0 + 1e-6) + slack
+        out_size[node, 2] = math.sqrt(max(sphere2, radius2)) * ROUNDED_UP
+        tight_box(points, u, v, np.float64(out_size[node, 0]), out_box[node])
     return out_centre, out_normal, out_size, out_box
 
 

@@ -22,6 +22,8 @@ OVERSHOOT = 1.0 / 300.0
 MOST_SURFELS = 1_000_000
 # A disc that leans from its triangle's plane is widened to cover it; beyond 60 degrees the normal is just wrong.
 LEAST_LEAN_COSINE = 0.5
+# Radii are stored as float32 beside float32 normals: more than both are off by.
+ROUNDED_UP = 1.0 + 1e-6
 
 
 def surfels_of_mesh(mesh: Mesh) -> PointCloud:
@@ -77,32 +79,41 @@ def _longest_edge(positions, faces):  # type: ignore[no-untyped-def]
 def enclosing_disc(corners, weights):  # type: ignore[no-untyped-def]
     """Write the barycentric coordinates of the centre of a triangle's minimum enclosing circle; return the radius.
 
-    corners : float64 (3, 3); weights : float64 (3,), receives the coordinates
+    corners : float64 (3, 3); weights : float64 (3,), receives the coordinates, none negative
+    The circumcentre is found from the shortest edge, at both ends of which an acute triangle has at least 45 degrees:
+    so it is as good for needles as for any other.
     """
-    # Squared edge lengths, each opposite to its corner.
-    a2 = b2 = c2 = 0.0
-    for axis in range(3):
-        a2 += (corners[1, axis] - corners[2, axis]) ** 2
-        b2 += (corners[2, axis] - corners[0, axis]) ** 2
-        c2 += (corners[0, axis] - corners[1, axis]) ** 2
-    # Barycentric coordinates of the circumcentre; one would be negative where the angle there is obtuse.
-    wa, wb, wc = a2 * (b2 + c2 - a2), b2 * (c2 + a2 - b2), c2 * (a2 + b2 - c2)
-    if a2 >= b2 + c2:
-        wa, wb, wc, radius = 0.0, 0.5, 0.5, 0.5 * math.sqrt(a2)
-    elif b2 >= c2 + a2:
-        wa, wb, wc, radius = 0.5, 0.0, 0.5, 0.5 * math.sqrt(b2)
-    elif c2 >= a2 + b2:
-        wa, wb, wc, radius = 0.5, 0.5, 0.0, 0.5 * math.sqrt(c2)
+    shortest, apex = np.inf, 0
+    for k in range(3):
+        edge = corners[(k + 2) % 3] - corners[(k + 1) % 3]
+        edge2 = (edge * edge).sum()
+        if edge2 < shortest:
+            shortest, apex = edge2, k
+    start, end = (apex + 1) % 3, (apex + 2) % 3
+    u, v = corners[end] - corners[start], corners[apex] - corners[start]
+    across = v - u
+    uv = (u * v).sum()
+    if uv <= 0.0:
+        weights[start], weights[end], weights[apex] = 0.0, 0.5, 0.5
+    elif (u * across).sum() >= 0.0:
+        weights[start], weights[end], weights[apex] = 0.5, 0.0, 0.5
     else:
-        total = wa + wb + wc
-        wa, wb, wc = wa / total, wb / total, wc / total
-        radius2 = 0.0
-        for axis in range(3):
-            centre = wa * corners[0, axis] + wb * corners[1, axis] + wc * corners[2, axis]
-            radius2 += (centre - corners[0, axis]) ** 2
-        radius = math.sqrt(radius2)
-    weights[0], weights[1], weights[2] = wa, wb, wc
-    return radius
+        # Along u to its middle, and across it, along the part of v that is normal to u, to as far from all three.
+        along = uv / shortest
+        beta = min(0.5 * (v * across).sum() / ((v * v).sum() - along * uv), 1.0)
+        alpha = min(max(0.5 - beta * along, 0.0), 1.0 - beta)
+        weights[start], weights[end], weights[apex] = max(1.0 - alpha - beta, 0.0), alpha, beta
+    return _farthest(corners, corners[start] + weights[end] * u + weights[apex] * v)
+
+
+@nb.njit(cache=True, nogil=True)
+def _farthest(corners, centre):  # type: ignore[no-untyped-def]
+    """Return the distance of the farthest of three corners."""
+    largest = 0.0
+    for k in range(3):
+        offset = corners[k] - centre
+        largest = max(largest, (offset * offset).sum())
+    return math.sqrt(largest)
 
 
 @nb.njit(cache=True, nogil=True)
@@ -113,20 +124,28 @@ def _surfel(positions, normals, face, centre, out_normal):  # type: ignore[no-un
     for k in range(3):
         for axis in range(3):
             corners[k, axis] = positions[face[k], axis]
-    radius = enclosing_disc(corners, weights)
-    plane = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    enclosing_disc(corners, weights)
+    u, v = corners[1] - corners[0], corners[2] - corners[0]
+    plane = np.cross(u, v)
     plane /= max(math.sqrt((plane * plane).sum()), 1e-300)
     normal = np.zeros(3, np.float64)
     for k in range(3):
         for axis in range(3):
             normal[axis] += weights[k] * normals[face[k], axis]
     norm = math.sqrt((normal * normal).sum())
-    # Opposite normals at a crease cancel.
-    normal = normal / norm if norm > 1e-6 else plane
+    if norm > 1e-6:
+        normal /= norm
+    else:
+        # Opposite normals at a crease cancel. A triangle without an area has no plane either.
+        for axis in range(3):
+            normal[axis] = plane[axis] if (plane * plane).sum() > 0.0 else normals[face[0], axis]
+    stored = np.empty(3, np.float64)
     for axis in range(3):
-        centre[axis] = (weights * corners[:, axis]).sum()
+        centre[axis] = corners[0, axis] + weights[1] * u[axis] + weights[2] * v[axis]
         out_normal[axis] = normal[axis]
-    return radius / max(abs((normal * plane).sum()), LEAST_LEAN_COSINE)
+        stored[axis] = centre[axis]
+    # From the centre as it is stored, rounded, and rounded up: small triangles far out are covered, too.
+    return _farthest(corners, stored) / max(abs((normal * plane).sum()), LEAST_LEAN_COSINE) * ROUNDED_UP
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
