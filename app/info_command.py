@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import asdict
 
+from app.cache_command import user_cache
 from app.memory import peak_memory_mb
 from app.options import Options
 from app.progress import Reporter
-from app.scene import ModelSource, Scene, open_scene
+from app.scene import ModelSource, Scene, keep_scene, open_scene
 from app.statistics import scene_statistics
 
 
 def run_info(options: Options) -> None:
     """Print a description of a model; raises ModelError."""
     reporter = Reporter(options.verbose)
-    scene = open_scene(ModelSource(options.model, options.texture, options.points), options.texels, reporter.progress)
+    cache = user_cache(options, reporter.say)
+    source = ModelSource(options.model, options.texture, options.points)
+    scene = open_scene(source, options.texels, reporter.progress, cache=cache)
     if options.json:
         # The warnings are in the description.
         print(json.dumps(describe(scene), indent=2))
     else:
         reporter.warnings(scene.hierarchy.warnings)
         print(as_text(scene))
+    if cache is not None:
+        # What was asked for comes first, whoever reads it.
+        sys.stdout.flush()
+        keep_scene(scene, cache)
 
 
 def describe(scene: Scene) -> dict[str, object]:

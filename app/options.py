@@ -14,7 +14,7 @@ from app.errors import UsageError
 from app.option_values import Vector
 from renderer.settings import SPLATS
 
-COMMANDS = ("render", "info")
+COMMANDS = ("render", "info", "cache")
 # Read by benchmarks/options.py.
 BENCH = "bench"
 
@@ -40,7 +40,7 @@ class CameraOptions:
 class Options:
     """A whole command line, checked.
 
-    command : "window", "render" or "info"
+    command : "window", "render", "info" or "cache"
     model : path of the model, None: the built-in one
     r_sil, r_inner : largest radii in pixels of silhouette and other surfels
     texels : texels along one side of a normal tile, the paper's w_s
@@ -53,6 +53,8 @@ class Options:
     resolution : width and height in pixels, None: not given
     outputs : files to write (render)
     frames : how many to draw (render)
+    cache : take models from the cache and put them there
+    clear : empty the cache (cache)
     """
 
     command: str = "window"
@@ -71,6 +73,8 @@ class Options:
     camera: CameraOptions = CameraOptions()
     outputs: tuple[Path, ...] = ()
     frames: int = 1
+    cache: bool = True
+    clear: bool = False
     json: bool = False
     verbose: bool = False
 
@@ -115,15 +119,18 @@ _CAMERA = ("position", "focal_point", "view_up", "view_angle", "orthographic")
 
 _USAGE = {
     "window": "%(prog)s [MODEL] [options]\n       %(prog)s render [MODEL] --output FILE [options]\n"
-    "       %(prog)s info [MODEL] [--json]\n       %(prog)s bench [MODEL ...] [options]",
+    "       %(prog)s info [MODEL] [--json]\n       %(prog)s bench [MODEL ...] [options]\n"
+    "       %(prog)s cache [--clear]",
     "render": "%(prog)s [MODEL] --output FILE [options]",
     "info": "%(prog)s [MODEL] [--json]",
+    "cache": "%(prog)s [--clear]",
 }
 
 _DESCRIPTION = {
     "window": "Look at a very detailed model in a window. Without MODEL: a procedural meteoroid.",
     "render": "Draw a model without a window.",
     "info": "Say what a file holds and what is built from it.",
+    "cache": "Say where the models that have been opened before are kept, and how much that is.",
 }
 
 
@@ -136,6 +143,9 @@ def _parser(command: str) -> _Parser:
         allow_abbrev=False,
         argument_default=argparse.SUPPRESS,
     )
+    if command == "cache":
+        parser.add_argument("--clear", action="store_true", help="remove all of it")
+        return parser
     parser.add_argument("model", metavar="MODEL", nargs="?", default=None, type=Path, help="a mesh or a point cloud")
     _add_model_options(parser)
     if command != "info":
@@ -175,6 +185,9 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         dest="texels",
         type=option_values.texels,
         help="texels along one side of a normal tile (16)",
+    )
+    group.add_argument(
+        "--no-cache", dest="cache", action="store_false", help="build the model anew, and do not keep it"
     )
 
 

@@ -10,13 +10,14 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from app.budget import Controller, coarsened
+from app.cache_command import user_cache
 from app.errors import UsageError, graphics_errors
 from app.export import check_writable, is_picture, read_picture, write_arrays, write_png
 from app.framing import frame_scene, view_of_pose
 from app.option_values import TEXELS
 from app.options import Options
 from app.progress import Reporter
-from app.scene import ModelSource, Scene, bake_scene, open_scene
+from app.scene import ModelSource, Scene, bake_scene, keep_scene, open_scene
 from app.statistics import FrameTimes, Radii, Shot, Statistic, draw_frames, frame_statistics, scene_statistics
 
 if TYPE_CHECKING:
@@ -41,12 +42,17 @@ def run_render(options: Options) -> None:
     for path in options.outputs:
         check_writable(path)
     reporter = Reporter(options.verbose)
+    cache = user_cache(options, reporter.say)
     source = ModelSource(options.model, options.texture, options.points)
-    scene = open_scene(source, None, reporter.progress)
+    scene = open_scene(source, None, reporter.progress, cache=cache)
     reporter.warnings(scene.hierarchy.warnings)
     statistics = draw_scene(scene, options, reporter)
     if options.json:
         print(json.dumps(statistics, indent=2))
+    if cache is not None:
+        # What was asked for comes first, whoever reads it.
+        sys.stdout.flush()
+        keep_scene(scene, cache)
 
 
 def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, Statistic]:
@@ -169,8 +175,12 @@ def render_instead_of_window(options: Options, reason: str, output: Path) -> Non
     options = replace(options, outputs=(output,), fps=None)
     check_writable(output)
     reporter = Reporter(options.verbose)
-    scene = open_scene(ModelSource(options.model, options.texture, options.points), None, reporter.progress)
+    cache = user_cache(options, reporter.say)
+    source = ModelSource(options.model, options.texture, options.points)
+    scene = open_scene(source, None, reporter.progress, cache=cache)
     reporter.warnings(scene.hierarchy.warnings)
     draw_scene(scene, options, reporter)
     print(f"{reason}: the picture is in {output}")
     sys.stdout.flush()
+    if cache is not None:
+        keep_scene(scene, cache)

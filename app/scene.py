@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from hierarchy.model import Mesh, Model, ModelError, Progress, UInt32Array, ignore_progress, in_file_space
 
 if TYPE_CHECKING:
+    from app.cache import Cache
+    from app.inputs import Inputs
     from hierarchy.hierarchy import Hierarchy
     from hierarchy.normal_tiles import NormalTiles
 
@@ -18,6 +21,9 @@ T = TypeVar("T")
 
 # Laser scans of the ground come in these files, and their z points up.
 Z_UP_SUFFIXES = (".las", ".laz")
+
+# Seconds that building or baking has to take to be worth keeping.
+WORTH_KEEPING = 0.05
 
 
 @dataclass(frozen=True)
@@ -59,9 +65,26 @@ class Content:
     upper: tuple[float, float, float]
 
 
+@dataclass(eq=False)
+class Provenance:
+    """Where a hierarchy comes from; all scenes with that hierarchy share it.
+
+    inputs : the files that it was built from, None: it was in the cache
+    entry : what the cache calls it, "": not known, or not to be kept
+    kept : for what of it nothing is left to do for the cache: "hierarchy", and w_s of tiles
+    """
+
+    inputs: Inputs | None
+    entry: str = ""
+    kept: set[str | int] = field(default_factory=set)
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A model that is ready to be drawn; times in seconds. `tiles` is None until they are baked."""
+    """A model that is ready to be drawn; times in seconds. `tiles` is None until they are baked.
+
+    load_s : the file's, or the cache's where the hierarchy was in it; nothing is built then, and `build_s` is 0
+    """
 
     source: ModelSource
     content: Content
@@ -70,34 +93,96 @@ class Scene:
     load_s: float
     build_s: float
     bake_s: float
+    provenance: Provenance = field(default_factory=lambda: Provenance(None))
 
 
-def open_scene(source: ModelSource, texels: int | None, progress: Progress = ignore_progress) -> Scene:
-    """Load a model, build its hierarchy and bake its normal tiles.
+def open_scene(
+    source: ModelSource, texels: int | None, progress: Progress = ignore_progress, *, cache: Cache | None = None
+) -> Scene:
+    """Load a model, build its hierarchy and bake its normal tiles, or take from the cache what is in it.
 
     texels : along one side of a tile; None: bake no tiles
     progress : may raise `Cancelled`
     Raises ModelError.
     """
-    from hierarchy.build import build_hierarchy
-
-    model, load_s = _timed(lambda: _load(source, progress))
-    hierarchy, build_s = _timed(lambda: build_hierarchy(model, points=source.points, progress=progress))
-    scene = Scene(source, _content(model), hierarchy, None, load_s, build_s, 0.0)
-    return scene if texels is None else bake_scene(scene, texels, progress)
+    scene = _find(source, cache)
+    if scene is None:
+        scene = _build(source, progress)
+    return scene if texels is None else bake_scene(scene, texels, progress, cache=cache)
 
 
 def bake_scene(
-    scene: Scene, texels: int, progress: Progress = ignore_progress, *, nodes: UInt32Array | None = None
+    scene: Scene,
+    texels: int,
+    progress: Progress = ignore_progress,
+    *,
+    nodes: UInt32Array | None = None,
+    cache: Cache | None = None,
 ) -> Scene:
     """Return the scene with tiles of `texels` x `texels` normals; progress may raise `Cancelled`.
 
-    nodes : uint32 (K,), bake the tiles of these nodes only; None: of all
+    nodes : uint32 (K,), bake the tiles of these nodes only; None: of all, or take them from the cache
     """
+    provenance = scene.provenance
+    if cache is not None and nodes is None and provenance.entry:
+        found, find_s = _timed(lambda: cache.find_tiles(provenance.entry, texels, scene.hierarchy))
+        if found is not None:
+            provenance.kept.add(texels)
+            return replace(scene, tiles=found, bake_s=find_s)
     from hierarchy.normal_tiles import bake_tiles
 
     tiles, bake_s = _timed(lambda: bake_tiles(scene.hierarchy, texels, nodes=nodes, progress=progress))
-    return Scene(scene.source, scene.content, scene.hierarchy, tiles, scene.load_s, scene.build_s, bake_s)
+    return replace(scene, tiles=tiles, bake_s=bake_s)
+
+
+def keep_scene(scene: Scene, cache: Cache, progress: Callable[[float], None] = lambda fraction: None) -> None:
+    """Put into the cache what took long to make and is not there: the hierarchy, and the tiles of all nodes.
+
+    progress : called now and then; an exception that it raises ends the work and is passed on
+    """
+    provenance, tiles = scene.provenance, scene.tiles
+    if provenance.inputs is not None and scene.load_s + scene.build_s > WORTH_KEEPING:
+        inputs, provenance.inputs = provenance.inputs, None
+        provenance.entry, notes = cache.entry(scene.source, inputs)
+        notes["content"] = json.dumps(asdict(scene.content))
+        if provenance.entry and not cache.keep(provenance.entry, scene.hierarchy, notes, progress):
+            provenance.entry = ""
+    if tiles is None or not provenance.entry or tiles.texels in provenance.kept:
+        return
+    if tiles.count == scene.hierarchy.node_count and scene.bake_s > WORTH_KEEPING:
+        provenance.kept.add(tiles.texels)
+        cache.keep_tiles(provenance.entry, tiles, progress)
+
+
+def _find(source: ModelSource, cache: Cache | None) -> Scene | None:
+    """Take a model from the cache; None: it has to be built."""
+    if cache is None or (source.path is None and source.texture is not None):
+        return None
+    found, find_s = _timed(lambda: cache.find(source))
+    content = None if found is None else _content_of_notes(found.notes)
+    if found is None or content is None:
+        return None
+    name = found.hierarchy.name if source.path is None else source.path.name
+    hierarchy = replace(found.hierarchy, name=name)
+    return Scene(source, content, hierarchy, None, find_s, 0.0, 0.0, Provenance(None, found.entry))
+
+
+def _build(source: ModelSource, progress: Progress) -> Scene:
+    from app.inputs import watch
+    from hierarchy.build import build_hierarchy
+
+    (model, inputs), load_s = _timed(lambda: watch(source, lambda: _load(source, progress)))
+    hierarchy, build_s = _timed(lambda: build_hierarchy(model, points=source.points, progress=progress))
+    return Scene(source, _content(model), hierarchy, None, load_s, build_s, 0.0, Provenance(inputs))
+
+
+def _content_of_notes(notes: Mapping[str, str]) -> Content | None:
+    """Read what `keep_scene` noted; None: another version of the program did."""
+    try:
+        noted = json.loads(notes["content"])
+        return Content(**{**noted, "lower": tuple(noted["lower"]), "upper": tuple(noted["upper"])})
+    except (LookupError, TypeError, ValueError, AttributeError):
+        return None
 
 
 def _load(source: ModelSource, progress: Progress) -> Model:

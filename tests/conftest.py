@@ -1,5 +1,7 @@
 """What the tests of all rooms share."""
 
+import itertools
+import os
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,29 @@ def pytest_addoption(parser):
     parser.addoption("--stress", action="store_true", help="try all cases of tests/stress, not only a fast share")
     parser.addoption("--stress-seed", type=int, default=20261122, help="where the generated cases start")
     parser.addoption("--stress-report", action="store_true", help="put what was found into docs/numerics.md")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _caches(tmp_path_factory):
+    """A folder for the caches of all tests, and of the processes that they start: never the user's own."""
+    folder = tmp_path_factory.mktemp("caches")
+    before = os.environ.get("SURFELSCOPE_CACHE")
+    os.environ["SURFELSCOPE_CACHE"] = str(folder / "shared")
+    yield folder
+    os.environ.pop("SURFELSCOPE_CACHE")
+    if before is not None:
+        os.environ["SURFELSCOPE_CACHE"] = before
+
+
+_numbers = itertools.count()
+
+
+@pytest.fixture(autouse=True)
+def cache_folder(_caches, monkeypatch):
+    """The folder of the cache of this test alone; it is not there yet."""
+    folder = _caches / str(next(_numbers))
+    monkeypatch.setenv("SURFELSCOPE_CACHE", str(folder))
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,50 @@
+"""Puts scenes into the cache in the background, one at a time, while the window goes on."""
+
+from __future__ import annotations
+
+import queue
+import threading
+
+from app.cache import Cache
+from app.scene import Scene, keep_scene
+from hierarchy.model import Cancelled
+
+# Seconds that a window which is being closed waits for what is being written.
+PATIENCE = 2.0
+
+
+class Keeper:
+    """Keeps what it is given, on a thread of its own. Nothing here uses the kernels, nor raises."""
+
+    def __init__(self, cache: Cache) -> None:
+        self._cache = cache
+        # None ends the thread.
+        self._scenes: queue.SimpleQueue[Scene | None] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+        self._stopped = threading.Event()
+
+    def keep(self, scene: Scene) -> None:
+        """Put a scene into the cache, and the tiles that it has."""
+        self._scenes.put(scene)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="surfelscope-keep", daemon=True)
+            self._thread.start()
+
+    def close(self, patience: float = PATIENCE) -> None:
+        """Let what is being written be finished if that takes no longer than `patience` seconds, else drop it."""
+        if self._thread is not None:
+            self._scenes.put(None)
+            self._thread.join(patience)
+            self._stopped.set()
+            self._thread.join()
+
+    def _run(self) -> None:
+        while (scene := self._scenes.get()) is not None:
+            try:
+                keep_scene(scene, self._cache, self._go_on)
+            except Cancelled:
+                return
+
+    def _go_on(self, _fraction: float) -> None:
+        if self._stopped.is_set():
+            raise Cancelled
