@@ -17,8 +17,8 @@ from typing import Any, BinaryIO
 
 from hierarchy.model import Progress, ignore_progress
 from hierarchy.part import Part, UnreadableFile
-from hierarchy.recording import from_json, note
 from hierarchy.part_stream import BrokenStream, receive_message, receive_part
+from hierarchy.recording import from_json, note
 
 # Starting takes 0.2 to 0.6 seconds and reading a megabyte 0.05 to 0.3, on a machine that does nothing else.
 SECONDS, SECONDS_PER_BYTE = 6.0, 3e-6
@@ -132,8 +132,9 @@ def _collect(messages: queue.SimpleQueue[Any], warnings: list[str], progress: Pr
                 pass
             case {"looked_for": list(values)}:
                 note(from_json(values))
-            case {"done": True, "warnings": list(said)}:
-                warnings += [str(sentence) for sentence in said]
+            case {"warning": str(sentence)}:
+                warnings.append(sentence)
+            case {"done": True}:
                 return parts
         progress("load", fraction)
         if time.monotonic() > deadline:

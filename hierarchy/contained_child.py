@@ -16,6 +16,7 @@ from typing import BinaryIO
 from hierarchy.load import reason
 from hierarchy.part import Part, UnreadableFile
 from hierarchy.part_stream import send_message, send_part
+from hierarchy.plain_text import plain_line
 from hierarchy.recording import as_json, recording
 
 
@@ -70,7 +71,9 @@ def _answer(stream: BinaryIO, path: Path, kind: str) -> None:
         with np.errstate(all="ignore"):
             for part in _read(stream, path, kind, warnings):
                 send_part(stream, part)
-        send_message(stream, {"done": True, "warnings": warnings})
+        for warning in warnings:
+            send_message(stream, {"warning": plain_line(warning)})
+        send_message(stream, {"done": True})
     except MemoryError:
         send_message(stream, {"memory": True})
     except BaseException as error:

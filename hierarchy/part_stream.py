@@ -23,7 +23,8 @@ ARRAYS: dict[str, type[np.generic]] = {
     "texture": np.uint8,
 }
 
-LONGEST_LINE = 1 << 16
+# A path may have 4,096 characters, each of which JSON may write as six.
+LONGEST_LINE = 1 << 17
 
 
 class BrokenStream(Exception):
