@@ -49,7 +49,7 @@ BINDINGS = (
     Binding(("NUMBER_1", "NUMPAD_1"), Command.BACK, "Ctrl+1", "look from behind", ctrl=True),
     Binding(("NUMBER_3", "NUMPAD_3"), Command.LEFT, "Ctrl+3", "look from the left", ctrl=True),
     Binding(("NUMBER_7", "NUMPAD_7"), Command.BOTTOM, "Ctrl+7", "look from below", ctrl=True),
-    Binding(("NUMBER_5", "NUMPAD_5", "O"), Command.ORTHOGRAPHIC, "5, O", "perspective or orthographic"),
+    Binding(("NUMBER_5", "NUMPAD_5"), Command.ORTHOGRAPHIC, "5", "perspective or orthographic"),
     Binding(("N",), Command.NORMAL_MAPPING, "N", "normal mapping"),
     Binding(("E",), Command.SILHOUETTE, "E", "silhouette surfels tinted"),
     Binding(("B",), Command.OUTLINES, "B", "outlines of the splats"),
@@ -57,7 +57,7 @@ BINDINGS = (
     Binding(("S", "F12"), Command.SCREENSHOT, "S, F12", "save a screenshot"),
     Binding(("TAB",), Command.PANEL, "Tab", "show or hide the panel"),
     Binding(("H", "F1"), Command.HELP, "H, F1", "show or hide this help"),
-    Binding(("ESCAPE",), Command.DISMISS, "Esc", "close this help, cancel the work"),
+    Binding(("ESCAPE",), Command.DISMISS, "Esc", "close this help or an error, cancel the work"),
     Binding(("Q",), Command.QUIT, "Ctrl+Q", "quit", ctrl=True),
 )
 

@@ -157,7 +157,7 @@ def near_depth_jump(reference: Reference) -> BoolArray:
     for axis in (0, 1):
         ahead, behind = _pairs(axis)
         step = np.abs(depth[ahead] - depth[behind])
-        width = np.minimum(depth[ahead], depth[behind]) / reference.focal_pixels
+        width = (1.0 if reference.parallel else np.minimum(depth[ahead], depth[behind])) / reference.focal_pixels
         apart = step > DEPTH_JUMP_PIXELS * width
         jump[ahead] |= apart
         jump[behind] |= apart

@@ -37,7 +37,7 @@ class InstrumentedRenderer(Renderer):
         if self._last is None:
             raise RuntimeError("draw comes before count_blended")
         cut, view, settings, framebuffer = self._last
-        variant = self._variant(settings, depth=False, tint=False)
+        variant = self._variant(settings, view, depth=False, tint=False)
         targets = self._targets_for(view, variant)
         self._enter()
         uniforms = self._upload(cut, view, settings)

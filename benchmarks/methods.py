@@ -63,19 +63,19 @@ def select_base(hierarchy: Hierarchy, view: View, r_sil: float = 0.0, r_inner: f
         splats = np.arange(count, count + hierarchy.leaf_count, dtype=np.uint32)
     else:
         leaves = hierarchy.splats[count:]
-        splats = _facing(leaves["centre"], leaves["normal"], view.eye, count)
+        splats = _facing(leaves["centre"], leaves["normal"], view.homogeneous_eye, count)
     return Cut(splats, np.empty((0, 3), np.uint32), 0, 0, 0)
 
 
 @nb.njit(cache=True, nogil=True)
 def _facing(centres, normals, eye, first) -> UInt32Array:  # type: ignore[no-untyped-def]
-    """Return `first` + i for every disc i that the eye lies before."""
+    """Return `first` + i for every disc i that the eye (homogeneous) lies before."""
     result = np.empty(len(centres), np.uint32)
     count = 0
     for i in range(len(centres)):
         facing = 0.0
         for k in range(3):
-            facing += (eye[k] - centres[i, k]) * normals[i, k]
+            facing += (eye[k] - eye[3] * centres[i, k]) * normals[i, k]
         result[count] = first + i
         count += facing > 0.0
     return result[:count].copy()

@@ -102,10 +102,13 @@ class RayCaster:
         directions = _directions(pixels, view.width, view.height, view.focal_pixels, *offset, rotation)
         origins = np.empty_like(directions)
         origins[:] = view.eye
+        if view.is_parallel:
+            origins += directions + rotation[2].astype(np.float32)
+            directions[:] = -rotation[2]
         # |z| = 1 in eye space, so embree's ray parameter is the distance along the view axis.
         hits = self._scene.run(origins, directions, output=True)
         triangles, u, v = hits["primID"], hits["u"], hits["v"]
-        _write_depth(pixels, triangles, hits["tfar"], depth)
+        _write_depth(pixels, triangles, hits["tfar"] + np.float32(view.depth_of_eye), depth)
         _interpolate(pixels, triangles, u, v, self._faces, self._normals, True, normal)
         if color is not None and self._colors is not None:
             _interpolate(pixels, triangles, u, v, self._faces, self._colors, False, color)
@@ -114,6 +117,10 @@ class RayCaster:
 def pixels_near(view: View, centre: Float64Array, radius: float) -> PixelArray:
     """Return the flat indices, ascending, of the pixels whose square can meet a sphere in model space."""
     centre_eye = view.eye_from_model[:3, :3] @ centre + view.eye_from_model[:3, 3]
+    if view.is_parallel:
+        x = np.arange(view.width) + 0.5 - (0.5 * view.width + centre_eye[0] * view.focal_pixels)
+        y = (np.arange(view.height) + 0.5 - (0.5 * view.height - centre_eye[1] * view.focal_pixels))[:, None]
+        return np.flatnonzero(np.hypot(x, y) <= radius * view.focal_pixels + 1.0)
     distance = float(np.linalg.norm(centre_eye))
     if distance <= radius:
         return np.arange(view.width * view.height)

@@ -30,6 +30,7 @@ class Reference:
     depth : float32 (H, W), distance along the view axis, mean of the samples that hit; inf where nothing was hit
     coverage : float32 (H, W) in 0..1, share of a pixel's samples that hit
     focal_pixels : pixels that a unit length covers at unit depth, as in `View`
+    parallel : it covers as many at any depth
     picture : uint8 (H, W, 3), sRGB, what the viewer would show (benchmarks/shading.py); None: it was not asked for
     """
 
@@ -38,6 +39,7 @@ class Reference:
     coverage: Float32Array
     focal_pixels: float
     picture: UInt8Array | None = None
+    parallel: bool = False
 
 
 def cast(
@@ -64,7 +66,7 @@ def cast(
         if on_sample is not None:
             on_sample(sample)
     normal, mean_depth, coverage = _mean(total, depth, hits, samples**2)
-    return Reference(normal, mean_depth, coverage, view.focal_pixels)
+    return Reference(normal, mean_depth, coverage, view.focal_pixels, parallel=view.is_parallel)
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -112,6 +114,7 @@ def save_reference(path: Path, reference: Reference) -> None:
         "depth": reference.depth,
         "coverage": reference.coverage,
         "focal_pixels": np.float64(reference.focal_pixels),
+        "parallel": np.bool_(reference.parallel),
     }
     if reference.picture is not None:
         arrays["picture"] = reference.picture
@@ -137,6 +140,7 @@ def load_reference(path: Path) -> Reference | None:
             arrays["coverage"],
             float(arrays["focal_pixels"]),
             arrays.get("picture"),
+            bool(arrays["parallel"]),
         )
     except (OSError, EOFError, KeyError, TypeError, ValueError, AttributeError, zipfile.BadZipFile, zlib.error):
         return None

@@ -211,7 +211,7 @@ def _select(nodes, positions, indices, planes, eye4, view, limits, cull_back, op
         # The line of sight, how much it turns within the sphere, and by what lengths on screen are divided.
         sight_x, sight_y, sight_z, turns, divisor = x, y, z, sphere, depth
         if parallel:
-            sight_x, sight_y, sight_z, turns, divisor = axis[0], axis[1], axis[2], 0.0, 1.0
+            sight_x, sight_y, sight_z, turns, divisor = axis[0], axis[1], axis[2], np.float64(0.0), np.float64(1.0)
         distance2 = sight_x * sight_x + sight_y * sight_y + sight_z * sight_z
         facing = node["axis_x"] * sight_x + node["axis_y"] * sight_y + node["axis_z"] * sight_z
         side, print_side = _classify(node, sight_x, sight_y, sight_z, facing, distance2, turns, view)

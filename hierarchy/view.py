@@ -176,7 +176,8 @@ def _parallel_view(
     return View(
         moved,
         float(view_angle),
-        *map(int, resolution),
+        int(resolution[0]),
+        int(resolution[1]),
         near=(PARALLEL_DEPTH - PARALLEL_REACH) * radius,
         far=(PARALLEL_DEPTH + PARALLEL_REACH) * radius,
         parallel_scale=parallel_scale,

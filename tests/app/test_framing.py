@@ -24,13 +24,16 @@ def far_scene(far_torus):
     return open_scene(ModelSource(far_torus), None)
 
 
+@pytest.mark.parametrize("orthographic", [False, True])
 @pytest.mark.parametrize("size", [(300, 200), (100, 400)])
-def test_whole_model_is_in_the_picture(scene, size):
-    view = view_of_pose(frame_scene(scene, CameraOptions(), size), scene, size)
+def test_whole_model_is_in_the_picture(scene, size, orthographic):
+    view = view_of_pose(frame_scene(scene, CameraOptions(orthographic=orthographic), size), scene, size)
     points = scene.hierarchy.leaves.positions
     eye_points = points @ view.eye_from_model[:3, :3].T + view.eye_from_model[:3, 3]
-    clip = eye_points @ view.clip_from_eye[:3, :3].T + view.clip_from_eye[:3, 3]
-    assert np.all(np.abs(clip[:, :2]) <= -eye_points[:, 2:])
+    clip = np.column_stack([eye_points, np.ones(len(points))]) @ view.clip_from_eye.T
+    across = np.abs(clip[:, :2] / clip[:, 3:]).max(axis=0)
+    assert np.all(across <= 1.0)
+    assert across.max() > 0.6
     assert np.all((-eye_points[:, 2] >= view.near) & (-eye_points[:, 2] <= view.far))
 
 

@@ -16,7 +16,7 @@ def test_all_options_of_render():
     line = (
         "render statue.ply --output a.png --output b.NPZ --r-sil 1.5 --r-inner 24 --w-s 8 --no-normal-mapping --points "
         "--texture skin.png --resolution 640,480 --camera-position 1,2,3 --camera-focal-point=0,0.5,0 "
-        "--camera-view-up 0,0,1 --camera-view-angle 30 --frames 5 --json --verbose"
+        "--camera-view-up 0,0,1 --camera-view-angle 30 --camera-orthographic --frames 5 --json --verbose"
     )
     assert parse_options(line.split()) == Options(
         command="render",
@@ -28,7 +28,7 @@ def test_all_options_of_render():
         points=True,
         texture=Path("skin.png"),
         resolution=(640, 480),
-        camera=CameraOptions((1.0, 2.0, 3.0), (0.0, 0.5, 0.0), (0.0, 0.0, 1.0), 30.0),
+        camera=CameraOptions((1.0, 2.0, 3.0), (0.0, 0.5, 0.0), (0.0, 0.0, 1.0), 30.0, orthographic=True),
         outputs=(Path("a.png"), Path("b.NPZ")),
         frames=5,
         json=True,

@@ -1,6 +1,7 @@
 """The laws of the orbit camera, checked against the view that pictures are drawn with."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,13 +26,15 @@ cameras = st.builds(
     elevation=st.floats(-0.5 * math.pi, 0.5 * math.pi),
     axes=ups.map(axes_of_up),
     view_angle=st.floats(0.2, 2.0),
+    orthographic=st.booleans(),
 )
 
 
 def view_of(camera: OrbitCamera) -> View:
     return look_at(
-        camera.position, camera.pivot, camera.view_up, camera.view_angle, SIZE, bounds=((0.0, 0.0, 0.0), 1.0)
-    )
+        camera.position, camera.pivot, camera.view_up, camera.view_angle, SIZE,
+        bounds=((0.0, 0.0, 0.0), 1.0), parallel_scale=camera.parallel_scale,
+    )  # fmt: skip
 
 
 def project(camera: OrbitCamera, point: np.ndarray) -> tuple[float, float, float]:
@@ -40,7 +43,7 @@ def project(camera: OrbitCamera, point: np.ndarray) -> tuple[float, float, float
     eye_point = view.eye_from_model[:3, :3] @ point + view.eye_from_model[:3, 3]
     clip = view.clip_from_eye @ np.append(eye_point, 1.0)
     x, y = clip[:2] / clip[3]
-    return 0.5 * (x + 1.0) * SIZE[0], 0.5 * (1.0 - y) * SIZE[1], -eye_point[2]
+    return 0.5 * (x + 1.0) * SIZE[0], 0.5 * (1.0 - y) * SIZE[1], view.depth_of_eye - eye_point[2]
 
 
 @given(cameras)
@@ -97,7 +100,9 @@ def test_zoom_keeps_the_point_under_the_cursor(camera, pixel, depth, factor):
 def test_turn_around_brings_a_point_into_the_middle(camera, pixel, depth):
     target = camera.point_at(*pixel, depth, SIZE)
     turned = camera.turn_around(target)
-    assert project(turned, target) == pytest.approx((320.0, 240.0, depth), abs=1e-5)
+    # An orthographic camera keeps its distance, which is the size of the picture.
+    new_depth = camera.distance if camera.orthographic else depth
+    assert project(turned, target) == pytest.approx((320.0, 240.0, new_depth), abs=1e-5)
     assert np.allclose(turned.back, camera.back)
 
 
@@ -119,9 +124,31 @@ def test_fit_of_a_tall_picture_leaves_room_at_the_sides():
     assert fitting_distance(1.0, 0.8, 0.5) > fitting_distance(1.0, 0.8, 1.0) == fitting_distance(1.0, 0.8, 2.0)
 
 
+@given(cameras, pixels)
+def test_the_projection_keeps_the_size_at_the_pivot(camera, pixel):
+    at_pivot = camera.point_at(*pixel, None, SIZE)
+    other = replace(camera, orthographic=not camera.orthographic)
+    assert project(other, at_pivot) == pytest.approx(project(camera, at_pivot), abs=1e-5)
+
+
+@given(cameras, st.floats(0.01, 20.0), st.sampled_from([0.4, 1.0, 2.5]))
+def test_fit_fills_the_picture(camera, radius, aspect):
+    """As far as the sphere reaches to both sides, and up and down: the narrower of the two is nearly filled."""
+    fitted = camera.fit((0.1, 0.2, 0.3), radius, aspect)
+    half = math.tan(0.5 * fitted.view_angle) * min(aspect, 1.0)
+    if fitted.orthographic:
+        share = radius / (fitted.distance * half)
+    else:
+        share = math.tan(math.asin(radius / fitted.distance)) / half
+    assert 0.8 < share < 1.0
+
+
 @given(cameras)
 def test_pose_round_trip(camera):
-    again = orbit_from_pose(camera.position, camera.pivot, camera.axes[1], camera.view_angle)
+    again = orbit_from_pose(
+        camera.position, camera.pivot, camera.axes[1], camera.view_angle, orthographic=camera.orthographic
+    )
+    assert again.orthographic == camera.orthographic
     assert np.allclose(again.position, camera.position)
     assert np.allclose(again.back, camera.back, atol=1e-6)
 

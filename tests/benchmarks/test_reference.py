@@ -69,6 +69,21 @@ def test_square_covers_its_pixels_exactly() -> None:
     assert picture.focal_pixels == pytest.approx(20.0)
 
 
+def parallel_view(distance: float) -> View:
+    """Look from +z so that a unit length covers 10 pixels."""
+    bounds = ((0, 0, 0), 2.0)
+    return look_at((0, 0, distance), (0, 0, 0), (0, 1, 0), 0.7, (40, 30), bounds=bounds, parallel_scale=1.5)
+
+
+@pytest.mark.parametrize("distance", [0.5, 2.0, 100.0])
+def test_parallel_rays_see_a_square_alike_from_anywhere(distance: float) -> None:
+    for z in (-1.0, 0.0, 1.0):
+        picture = cast(square(z, half=0.55, centre=(0.2, 0.3)), parallel_view(distance), samples=4)
+        perspective = cast(square(0.0, half=0.55, centre=(0.2, 0.3)), front_view(), samples=4)
+        assert np.array_equal(picture.coverage, perspective.coverage)
+        assert np.allclose(picture.depth[picture.coverage > 0.0], distance - z, atol=1e-5)
+
+
 def test_up_is_row_zero_and_right_is_the_last_column() -> None:
     rows, columns = np.nonzero(cast(square(0.0, 0.2, centre=(1.0, 0.6)), front_view(), 1).coverage)
     assert (rows.min(), rows.max()) == (7, 10)  # 15 - 6 -+ 2

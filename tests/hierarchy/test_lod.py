@@ -50,7 +50,10 @@ MODELS = {
     "two surfels": lambda: cloud_of([[0, 0, 0], [1, 0, 0]], [[0, 0, 1], [0.6, 0, 0.8]], [0.5, 0.2]),
     "all in one cell": lambda: cloud_of(np.zeros((50, 3)), surfel_sphere(50).normals, 0.3),
 }
-KINDS = ["outside", "far", "grazing", "inside", "tiny angle", "wide angle", "on a surfel", "on a corner", "away"]
+KINDS = [
+    *("outside", "far", "grazing", "inside", "tiny angle", "wide angle", "on a surfel", "on a corner", "away"),
+    *("parallel", "parallel close up", "parallel from afar"),
+]
 
 kinds = st.sampled_from(KINDS)
 seeds = st.integers(0, 2**32 - 1)
@@ -85,7 +88,8 @@ def view_of(hierarchy, kind, seed, resolution=(40, 30), margin=1.0):
     up = rng.normal(size=3)
     focus = centre + 0.3 * radius * rng.normal(size=3)
     angle = rng.uniform(0.4, 1.2)
-    distance = {"far": 300.0, "grazing": 1.02, "inside": 0.4, "tiny angle": 3.0}.get(kind, rng.uniform(1.1, 4.0))
+    distances = {"far": 300.0, "grazing": 1.02, "inside": 0.4, "tiny angle": 3.0, "parallel from afar": 1e6}
+    distance = distances.get(kind, rng.uniform(1.1, 4.0))
     eye = centre + distance * radius * direction
     if kind == "grazing":
         focus = eye + np.cross(direction, up)
@@ -99,7 +103,15 @@ def view_of(hierarchy, kind, seed, resolution=(40, 30), margin=1.0):
         eye = hierarchy.leaves.positions[rng.integers(len(hierarchy.leaves.positions))].astype(float)
     elif kind == "away":
         focus = eye + (eye - centre) + 0.5 * radius * rng.normal(size=3)
-    return look_at(eye, focus, up, angle, resolution, bounds=(centre, margin * radius))
+    scale = (0.2 if kind == "parallel close up" else rng.uniform(0.5, 1.5)) * radius
+    parallel_scale = scale if "parallel" in kind else None
+    return look_at(eye, focus, up, angle, resolution, bounds=(centre, margin * radius), parallel_scale=parallel_scale)
+
+
+def heights_of_eye(view, points, normals):
+    """Return how far the eye, or the place that parallel rays come from, is before planes, times its distance."""
+    x, y, z, w = view.homogeneous_eye
+    return (([x, y, z] - w * points) * normals).sum(axis=1)
 
 
 def drawn_leaves(hierarchy, cut):
@@ -158,7 +170,7 @@ def test_no_visible_triangle_is_culled(name, kind, seed, radii, two_sided, print
     if hierarchy.closed and not two_sided:
         # From inside, too, only fronts are drawn.
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        visible &= ((corners[:, 0] - view.eye) * normals).sum(axis=1) < 0.0
+        visible &= heights_of_eye(view, corners[:, 0], normals) > 0.0
     # The printed test knows nothing of pixels far off the axis.
     assume(not printed or kind != "wide angle")
     cut = select_cut(hierarchy, view, *radii, two_sided=two_sided, printed_cone_test=printed)
@@ -173,7 +185,7 @@ def test_no_visible_surfel_is_culled(name, kind, seed, radii):
     leaves = hierarchy.leaves
     visible = visible_discs(leaves.positions, leaves.normals, leaves.radii, view)
     if hierarchy.closed:
-        visible &= ((leaves.positions - view.eye) * leaves.normals).sum(axis=1) < 0.0
+        visible &= heights_of_eye(view, leaves.positions, leaves.normals) > 0.0
     assert coverage(hierarchy, select_cut(hierarchy, view, *radii))[visible].all()
 
 
@@ -232,10 +244,13 @@ def test_radii_limit_every_drawn_splat(name, kind, seed, radii, printed):
     nodes, silhouette = hierarchy.nodes[cut.splats[drawn]], silhouette[drawn]
     offset = np.stack([nodes["x"], nodes["y"], nodes["z"]], 1) - view.eye
     depth = offset @ -view.eye_from_model[2, :3]
-    pixels = view.focal_pixels / depth
+    pixels = view.pixels_of_unit(depth)
     # Nothing that reaches the near plane or holds the eye.
     assert (depth - nodes["sphere"] > view.near).all()
-    assert (np.linalg.norm(offset, axis=1) > nodes["sphere"]).all()
+    if view.is_parallel:
+        offset = np.broadcast_to(-view.eye_from_model[2, :3], offset.shape)
+    else:
+        assert (np.linalg.norm(offset, axis=1) > nodes["sphere"]).all()
     size = nodes["radius"] * pixels
     assert (size <= max(r_sil, r_inner) * (1 + 1e-6)).all()
     bent = nodes["print_cos"] < BENT_COSINE
@@ -393,11 +408,11 @@ def test_the_printed_test_is_the_papers(seed, half_angle, view_angle):
 
 
 @settings(derandomize=True, deadline=None, max_examples=100)
-@given(seeds, st.floats(0.02, 3.0), st.integers(1, 3000), st.integers(1, 3000))
-def test_frustum_planes_agree_with_the_projection(seed, view_angle, width, height):
+@given(seeds, st.floats(0.02, 3.0), st.integers(1, 3000), st.integers(1, 3000), st.sampled_from([None, 0.01, 1.5]))
+def test_frustum_planes_agree_with_the_projection(seed, view_angle, width, height, scale):
     rng = np.random.default_rng(seed)
     eye, focus, up = rng.normal(size=(3, 3))
-    view = look_at(eye, focus, up, view_angle, (width, height), bounds=((0.2, 0.1, 0.0), 2.0))
+    view = look_at(eye, focus, up, view_angle, (width, height), bounds=((0.2, 0.1, 0.0), 2.0), parallel_scale=scale)
     planes = frustum_planes(view)
     np.testing.assert_allclose(np.linalg.norm(planes[:, :3], axis=1), 1.0, rtol=1e-12)
     # Relative to the eye in frustum_planes, to the model's origin in the projection's rows.

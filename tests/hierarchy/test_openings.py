@@ -7,7 +7,7 @@ import time
 import numba as nb
 import numpy as np
 import pytest
-from brute_visibility import EDGE, ray_directions, visible_triangles
+from brute_visibility import EDGE, ray_directions, ray_starts, visible_triangles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_models import bumpy_sphere, cloud_of, grid, icosphere, mesh_of, terrain, turned
@@ -92,35 +92,38 @@ def drawn(hierarchy, view, radii=(0.0, 0.0)):
 def facing_away(hierarchy, view):
     corners = corners_of(hierarchy)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return ((corners[:, 0] - view.eye) * normals).sum(axis=1) >= 0.0
+    x, y, z, w = view.homogeneous_eye
+    return ((w * corners[:, 0] - [x, y, z]) * normals).sum(axis=1) >= 0.0
 
 
-def view_from(hierarchy, eye, focus=(0.0, 0.0, 0.0), angle=0.9, size=(40, 30)):
-    view = look_at(eye, focus, (0.1, 1.0, 0.2), angle, size, bounds=hierarchy.bounds)
+def view_from(hierarchy, eye, focus=(0.0, 0.0, 0.0), angle=0.9, size=(40, 30), scale=None):
+    view = look_at(eye, focus, (0.1, 1.0, 0.2), angle, size, bounds=hierarchy.bounds, parallel_scale=scale)
     # The law is about rays from the eye, not from the near plane.
     return dataclasses.replace(view, near=1e-9)
 
 
 def random_view(hierarchy, rng, size=(40, 30)):
-    """Return a view from afar, from near by, from between the parts or from a place on the surface."""
+    """Return a view from afar, from near by, from between the parts or from a place on the surface, or a parallel one."""
     radius = hierarchy.radius
     direction = rng.normal(size=3)
     eye = rng.choice([0.2, 0.6, 0.9, 1.1, 2.5]) * radius * direction / np.linalg.norm(direction)
     if rng.random() < 0.2:
         eye = corners_of(hierarchy)[rng.integers(hierarchy.leaf_count)].mean(axis=0) * rng.choice([0.99, 1.0, 1.01])
-    return view_from(hierarchy, eye, 0.4 * radius * rng.normal(size=3), rng.uniform(0.2, 2.0), size)
+    scale = rng.uniform(0.2, 1.2) * radius if rng.random() < 0.25 else None
+    return view_from(hierarchy, eye, 0.4 * radius * rng.normal(size=3), rng.uniform(0.2, 2.0), size, scale)
 
 
 @nb.njit
-def first_hits(eye, directions, corners, edge):
+def first_hits(starts, directions, corners, edge):
     """Return which triangles some ray meets first, well inside (brute_visibility.py says the same, slowly)."""
     visible = np.zeros(len(corners), np.bool_)
-    edges1, edges2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], eye - corners[:, 0]
+    edges1, edges2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     for r in range(len(directions)):
-        d = directions[r]
+        d, start = directions[r], starts[r if len(starts) > 1 else 0]
         nearest, first = np.inf, -1
         for k in range(len(corners)):
-            e, f, g = edges1[k], edges2[k], s[k]
+            e, f = edges1[k], edges2[k]
+            g = start - corners[k, 0]
             px, py, pz = d[1] * f[2] - d[2] * f[1], d[2] * f[0] - d[0] * f[2], d[0] * f[1] - d[1] * f[0]
             determinant = e[0] * px + e[1] * py + e[2] * pz
             if determinant == 0.0:
@@ -138,7 +141,7 @@ def first_hits(eye, directions, corners, edge):
 
 
 def check_law(hierarchy, view, radii=(0.0, 0.0), samples=1):
-    visible = first_hits(view.eye, ray_directions(view, samples), corners_of(hierarchy), EDGE)
+    visible = first_hits(ray_starts(view, samples), ray_directions(view, samples), corners_of(hierarchy), EDGE)
     missing = visible & ~drawn(hierarchy, view, radii)
     assert not missing.any()
     return visible & facing_away(hierarchy, view)
@@ -358,7 +361,7 @@ def test_thousands_of_holes_take_no_time():
 def test_rays_hit_what_the_slow_ones_hit():
     hierarchy = pierced(3)
     view = view_from(hierarchy, (1, 0.5, 3))
-    hits = first_hits(view.eye, ray_directions(view), corners_of(hierarchy), EDGE)
+    hits = first_hits(ray_starts(view), ray_directions(view), corners_of(hierarchy), EDGE)
     np.testing.assert_array_equal(hits, visible_triangles(corners_of(hierarchy), view))
 
 

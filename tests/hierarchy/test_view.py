@@ -1,4 +1,4 @@
-"""The pinhole camera: rigid, right-handed, looking down -z, with clip planes around the model."""
+"""The camera: rigid, right-handed, looking down -z, with clip planes around the model."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hierarchy.view import clip_planes, look_at
+from hierarchy.view import clip_planes, look_at, screen_box
 
 LAWS = settings(derandomize=True, deadline=None, max_examples=100)
 
@@ -189,3 +189,92 @@ def test_clip_planes_far_away_stay_apart(distance):
     view = look_at((0, 0, distance), (0, 0, 0), (0, 1, 0), 0.8, (64, 64), bounds=((0, 0, 0), 1.0))
     assert 0.0 < view.near < view.far
     assert np.isfinite(view.clip_from_eye).all()
+
+
+scales = st.floats(1e-3, 1e3)
+
+
+def parallel_view(seed, scale=1.5, distance=1.0, size=(64, 48)):
+    eye, focus, up = np.random.default_rng(seed).normal(size=(3, 3)) * [[5.0], [1.0], [1.0]]
+    eye = focus + distance * (eye - focus)
+    return look_at(eye, focus, up, 0.8, size, bounds=((0.1, -0.2, 0.3), 2.0), parallel_scale=scale), eye, focus
+
+
+@LAWS
+@given(seeds, scales, st.sampled_from([(64, 48), (1, 1), (7, 500)]))
+def test_parallel_rays_show_lengths_alike_at_any_depth(seed, scale, size):
+    view, eye, _ = parallel_view(seed, scale, size=size)
+    right, up, back = view.eye_from_model[:3, :3]
+    for depth in (-3.0, 0.0, 8.0):
+        point = eye - depth * back
+        assert project(view, point) == pytest.approx((0.5 * size[0], 0.5 * size[1]), abs=1e-9 * size[1] / scale)
+        above, aside = project(view, point + scale * up), project(view, point + scale * right)
+        assert above[1] == pytest.approx(0.0, abs=1e-9 * size[1] / scale)
+        assert aside[0] - 0.5 * size[0] == pytest.approx(view.focal_pixels * scale, rel=1e-6)
+    np.testing.assert_array_equal(view.pixels_of_unit([0.5, 7.0]), [view.focal_pixels] * 2)
+
+
+@LAWS
+@given(seeds, st.sampled_from([0.1, 1.0, 1e3, 1e6]))
+def test_parallel_depths_are_those_from_the_position(seed, distance):
+    view, eye, _ = parallel_view(seed, distance=distance)
+    back = view.eye_from_model[2, :3]
+    centre = np.array([0.1, -0.2, 0.3])
+    for offset in (-2.0, 0.0, 2.0):
+        point = centre + offset * back
+        clip = view.clip_from_eye @ np.append(in_eye_space(view, point), 1.0)
+        assert -1.0 < clip[2] < 1.0
+        assert clip[3] == 1.0
+        depth = view.depth_of_ndc(clip[2]) + view.depth_of_eye
+        assert depth == pytest.approx((eye - point) @ back, abs=1e-12 * 10.0 * distance + 1e-12)
+
+
+@LAWS
+@given(seeds)
+def test_from_a_million_diagonals_parallel_rays_show_what_they_show_near_by(seed):
+    near, _, _ = parallel_view(seed)
+    far, _, _ = parallel_view(seed, distance=1e6)
+    # As float32, in which the GPU has it.
+    np.testing.assert_allclose(far.eye_from_model, near.eye_from_model, atol=1e-7)
+    assert (far.near, far.far) == (near.near, near.far)
+
+
+@LAWS
+@given(seeds)
+def test_perspective_depths_come_back_from_the_projection(seed):
+    view, _, _, _ = view_of(seed)
+    for depth in (view.near, 0.5 * (view.near + view.far), view.far):
+        clip = view.clip_from_eye @ [0.0, 0.0, -depth, 1.0]
+        assert view.depth_of_ndc(clip[2] / clip[3]) == pytest.approx(depth, rel=1e-6)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, math.inf, math.nan])
+def test_a_parallel_scale_that_is_no_length_is_refused(scale):
+    with pytest.raises(ValueError, match="parallel scale"):
+        look_at((0, 0, 4), (0, 0, 0), (0, 1, 0), 0.8, (8, 8), bounds=UNIT_SPHERE, parallel_scale=scale)
+
+
+def test_a_parallel_scale_is_a_length_of_the_file():
+    in_file = {"origin": (1e7, 0, 0), "scale": 4.0, "parallel_scale": 2.0}
+    view = look_at((1e7, 0, 40), (1e7, 0, 0), (0, 1, 0), 0.8, (8, 8), bounds=UNIT_SPHERE, **in_file)
+    assert view.parallel_scale == 0.5
+
+
+@LAWS
+@given(seeds, st.sampled_from([None, 0.3, 3.0]))
+def test_the_screen_box_holds_what_is_seen_of_the_model(seed, scale):
+    rng = np.random.default_rng(seed)
+    half = rng.uniform(0.1, 1.0, 3)
+    eye, focus, up = rng.normal(size=(3, 3)) * [[5.0], [0.5], [1.0]]
+    bounds = ((0.0, 0.0, 0.0), float(np.linalg.norm(half)))
+    view = look_at(eye, focus, up, 0.8, (64, 48), bounds=bounds, parallel_scale=scale)
+    left, top, right, bottom = screen_box(view, half)
+    assert 0 <= left <= right <= 64
+    assert 0 <= top <= bottom <= 48
+    for point in rng.uniform(-half, half, (100, 3)):
+        if -in_eye_space(view, point)[2] <= view.near:
+            continue
+        x, y = project(view, point)
+        if 0 <= x <= 64 and 0 <= y <= 48:
+            assert left - 1e-9 <= x <= right + 1e-9
+            assert top - 1e-9 <= y <= bottom + 1e-9

@@ -82,6 +82,7 @@ PICTURES: list[tuple[str, str, Settings]] = [
     ("lod_colors", "rock", Settings(lod_colors=True)),
     ("all_overlays", "rock", Settings(silhouette_overlay=True, splat_outlines=True, lod_colors=True)),
     ("ground", "rock", Settings(ground=True)),
+    ("orthographic", "rock", Settings(ground=True)),
     ("no_normal_mapping", "rock", Settings(normal_mapping=False)),
     ("sprites", "rock", Settings(splat="sprite", splat_outlines=True)),
     ("unblended", "rock", Settings(blending=False)),
@@ -106,7 +107,9 @@ def test_picture(
     tmp_path: Path,
 ) -> None:
     hierarchy, tiles = request.getfixturevalue(scene)
-    view = look_at((1.6, 1.3, 2.4), (0, 0, 0), (0, 1, 0), 0.72, SIZE, bounds=hierarchy.bounds)
+    scale = 1.2 if name == "orthographic" else None
+    eye = (1.6, 1.3, 2.4)
+    view = look_at(eye, (0, 0, 0), (0, 1, 0), 0.72, SIZE, bounds=hierarchy.bounds, parallel_scale=scale)
     frame, _ = draw(view, hierarchy, tiles, settings)
     golden = GOLDENS / f"{name}.png"
     if request.config.getoption("--update-goldens"):
