@@ -1,0 +1,143 @@
+"""A process that opens one file after another as the command line would, and says how each ended.
+
+Run as `python file_worker.py`; it reads a line of JSON for each file from its standard input and answers with one.
+What the program, its libraries and their compiled parts write to the standard error goes into the answer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+
+class ForkedChild:
+    """Stands in for the process that `hierarchy.contained` starts: a copy of this one, which is there at once.
+
+    All else is as it would be: the pipes, the limits and the child's own code.
+    """
+
+    def __init__(self, path: Path, kind: str, memory: int, seconds: float) -> None:
+        from hierarchy import contained_child
+
+        # A limit of address space counts what this process has already.
+        memory += _status("VmSize")
+        inner_in, outer_in = os.pipe()
+        outer_out, inner_out = os.pipe()
+        self.pid = os.fork()
+        if self.pid == 0:
+            try:
+                os.dup2(inner_in, 0)
+                os.dup2(inner_out, 1)
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+                os.closerange(3, 256)
+                sys.stdin = os.fdopen(0)
+                sys.argv = ["child", str(path), kind, str(memory), str(seconds)]
+                contained_child.main()
+            finally:
+                os._exit(3)
+        os.close(inner_in)
+        os.close(inner_out)
+        self.stdin, self.stdout = os.fdopen(outer_in, "wb"), os.fdopen(outer_out, "rb")
+        self.returncode: int | None = None
+
+    def kill(self) -> None:
+        if self.returncode is None:
+            os.kill(self.pid, 9)
+
+    def wait(self, timeout: float | None = None) -> int:
+        if self.returncode is None:
+            self.returncode = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return self.returncode
+
+    def poll(self) -> int | None:
+        if self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.returncode = os.waitstatus_to_exitcode(status) if pid else None
+        return self.returncode
+
+
+def _status(field: str) -> int:
+    """Return a number of bytes out of this process's status, 0 where the system does not tell."""
+    try:
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith(field + ":"):
+                return 1024 * int(line.split()[1])
+    except OSError:
+        pass
+    return 0
+
+
+def _forget_peak() -> None:
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        pass
+
+
+def _peak_megabytes() -> float:
+    """Return the largest size that this process had since `_forget_peak`, and the largest of its children at all."""
+    own = _status("VmHWM") or 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return (own + 1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) / 1e6
+
+
+def _open(arguments: list[str]) -> tuple[int | str, str]:
+    """Return the exit status, or what was raised past the command line."""
+    from app.cli import main
+
+    try:
+        return main(arguments), ""
+    except SystemExit as error:
+        return error.code if isinstance(error.code, int) else str(error.code), ""
+    except BaseException as error:
+        import traceback
+
+        return f"{type(error).__name__}", traceback.format_exc()
+
+
+def serve() -> None:
+    """Answer until the standard input ends."""
+    requests, replies = os.fdopen(os.dup(0), "r"), os.fdopen(os.dup(1), "w")
+    told, said = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(told.fileno(), 1)
+    os.dup2(said.fileno(), 2)
+    for kind in (RuntimeWarning, UserWarning):
+        warnings.simplefilter("always", kind)
+    if os.environ.get("FORKED_CHILDREN"):
+        # What the child would import.
+        import collada  # noqa: F401
+        import laspy  # noqa: F401
+        import lazrs  # noqa: F401
+        import trimesh
+
+        from hierarchy import contained, contained_child, las, trimesh_files  # noqa: F401
+
+        trimesh.available_formats()
+        contained._start = ForkedChild
+    for line in requests:
+        for stream in (told, said):
+            stream.seek(0)
+            stream.truncate()
+        _forget_peak()
+        start = time.perf_counter()
+        status, trace = _open(json.loads(line))
+        seconds = time.perf_counter() - start
+        for text in (sys.stdout, sys.stderr):
+            text.flush()
+        said.seek(0)
+        complaint = said.read(100_000).decode("utf-8", "backslashreplace") + trace
+        answer = [status, complaint, os.fstat(told.fileno()).st_size, seconds, _peak_megabytes()]
+        replies.write(json.dumps(answer) + "\n")
+        replies.flush()
+
+
+if __name__ == "__main__":
+    serve()
