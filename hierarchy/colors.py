@@ -6,6 +6,7 @@ import numpy as np
 
 from hierarchy.leaves import LeafShapes, Leaves, Triangles
 from hierarchy.model import UInt8Array
+from hierarchy.node_sums import node_sums
 from hierarchy.octree import Octree
 
 
@@ -20,13 +21,12 @@ def splat_colors(octree: Octree, shapes: LeafShapes, leaves: Leaves) -> UInt8Arr
         leaf_colors = leaves.colors[leaves.indices].mean(axis=1, dtype=np.float32)
     else:
         leaf_colors = leaves.colors.astype(np.float32)
-    # Sums over contiguous ranges are differences of one running sum; float64 holds 2^53 grey levels exactly enough.
     largest = float(shapes.areas.max())
     # Where no primitive has an area all count alike.
-    weights = np.maximum(shapes.areas.astype(np.float64), 1e-12 * largest) if largest > 0.0 else np.ones(len(leaves))
-    running = np.zeros((len(leaf_colors) + 1, 5))
-    np.cumsum(leaf_colors * weights[:, None], axis=0, out=running[1:, :4])
-    np.cumsum(weights, out=running[1:, 4])
-    sums = running[octree.leaf_end] - running[octree.leaf_begin]
+    weights = np.maximum(shapes.areas, 1e-12 * largest) if largest > 0.0 else np.ones(len(leaves))
+    weighted = np.empty((len(weights), 5))
+    np.multiply(leaf_colors, weights[:, None], out=weighted[:, :4])
+    weighted[:, 4] = weights
+    sums, _ = node_sums(weighted, octree.leaf_begin, octree.leaf_end, octree.first_child, octree.child_count)
     inner = np.clip(np.rint(sums[:, :4] / sums[:, 4:]), 0, 255).astype(np.uint8)
     return inner if isinstance(leaves, Triangles) else np.concatenate([inner, leaves.colors])

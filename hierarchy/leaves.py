@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.frames import tangents
-from hierarchy.model import Float32Array, Int32Array, Mesh, PointCloud, UInt8Array, UInt16Array
+from hierarchy.model import Float32Array, Float64Array, Int32Array, Mesh, PointCloud, UInt8Array, UInt16Array
 from hierarchy.morton import morton_order
 
 # A surfel is bounded by the octagon around its rim: 8% wider than the disc, exact in its plane.
@@ -71,7 +71,7 @@ class LeafShapes:
     radii : float32 (N,), or (0,) where the leaves are triangles
     normals : float32 (N, 3), unit geometric normals: those that decide what faces the eye
     centres : float32 (N, 3), centroids
-    areas : float32 (N,), weights of the averages
+    areas : float64 (N,), weights of the averages; squares of lengths, which float32 may not hold
     extents : float32 (N,), radii of spheres around the centres that hold the primitives
     """
 
@@ -80,7 +80,7 @@ class LeafShapes:
     radii: Float32Array
     normals: Float32Array
     centres: Float32Array
-    areas: Float32Array
+    areas: Float64Array
     extents: Float32Array
 
 
@@ -107,7 +107,7 @@ def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
     count = len(faces)
     normals = np.empty((count, 3), np.float32)
     centres = np.empty((count, 3), np.float32)
-    areas = np.empty(count, np.float32)
+    areas = np.empty(count, np.float64)
     extents = np.empty(count, np.float32)
     for i in nb.prange(count):
         a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
@@ -190,7 +190,7 @@ def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, UInt16Array]:
         radii=surfels.radii,
         normals=surfels.normals,
         centres=surfels.positions,
-        areas=surfels.radii * surfels.radii,
+        areas=surfels.radii.astype(np.float64) ** 2,
         extents=surfels.radii,
     )
     return surfels, shapes, steps

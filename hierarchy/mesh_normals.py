@@ -18,6 +18,8 @@ from hierarchy.vertex_normals import corner_group_normals, vertex_normals
 # A file's normal shorter than this fraction of a unit is no direction. Exporters that write unit normals with three
 # decimals stay far above it.
 SHORTEST_NORMAL = 1e-6
+# Components below this fraction of the largest are zero: float32 could hardly hold them.
+NEGLIGIBLE = 1e-30
 
 
 @dataclass(eq=False)
@@ -90,8 +92,9 @@ def unit_or_bad(normals: Float64Array) -> tuple[Float32Array, BoolArray]:
     """Return normals (V, 3) as unit float32, and which of them, (V,), are no direction: not finite, or zero."""
     largest = np.abs(normals).max(axis=1)
     bad: BoolArray = ~(np.isfinite(largest) & (largest > SHORTEST_NORMAL))
-    # Divided by the largest component first, so that the square of none overflows.
-    safe = np.where(bad[:, None], 1.0, normals) / np.where(bad, 1.0, largest)[:, None]
+    safe, largest = np.where(bad[:, None], 1.0, normals), np.where(bad, 1.0, largest)[:, None]
+    # Divided by the largest component first, so that the square of none overflows; what would underflow is none.
+    safe = np.where(np.abs(safe) < NEGLIGIBLE * largest, 0.0, safe) / largest
     return (safe / np.linalg.norm(safe, axis=1, keepdims=True)).astype(np.float32), bad
 
 

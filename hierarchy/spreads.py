@@ -8,11 +8,14 @@ which every second level halves the size, and below them parts of leaf triangles
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
 from hierarchy.leaves import LeafShapes, Leaves, Triangles
 from hierarchy.model import UInt16Array
+from hierarchy.node_sums import node_sums
 
 # Patches of 1, 1/2, 1/4 ... 1/32 of a node's radius: the spacings of the texels of 2 to 32 a side are among them.
 SCALES = 6
@@ -39,24 +42,15 @@ def _triangle_sums(normals, indices, areas, sums):  # type: ignore[no-untyped-de
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _own_spreads(prefix, begin, end, first_child, child_count):  # type: ignore[no-untyped-def]
-    """Return area and mean square angle of each node, and its hanging leaves' sum of area * mean square angle."""
-    count = len(begin)
-    areas, squares, hanging = np.empty(count), np.empty(count), np.empty(count)
-    for node in nb.prange(count):
-        first, last = begin[node], end[node]
-        x = prefix[last, 0] - prefix[first, 0]
-        y = prefix[last, 1] - prefix[first, 1]
-        z = prefix[last, 2] - prefix[first, 2]
-        area = prefix[last, 3] - prefix[first, 3]
-        leaves = prefix[last, 4] - prefix[first, 4]
+def _own_spreads(below):  # type: ignore[no-untyped-def]
+    """Return the mean square angle of each node's normals to their mean."""
+    squares = np.empty(len(below))
+    for node in nb.prange(len(below)):
+        x, y, z, area = below[node, 0], below[node, 1], below[node, 2], below[node, 3]
         # A mean of unit vectors at small angles s to it has a length of 1 - s^2 / 2.
-        mean = np.sqrt(x * x + y * y + z * z) / area if area > 0.0 else 1.0
-        areas[node], squares[node] = area, max(2.0 * (1.0 - mean), 0.0)
-        for child in range(first_child[node], first_child[node] + child_count[node]):
-            leaves -= prefix[end[child], 4] - prefix[begin[child], 4]
-        hanging[node] = max(leaves, 0.0)
-    return areas, squares, hanging
+        mean = math.sqrt(x * x + y * y + z * z) / area if area > 0.0 else 1.0
+        squares[node] = max(2.0 * (1.0 - mean), 0.0)
+    return squares
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
@@ -81,21 +75,21 @@ def normal_spreads(nodes: np.ndarray, leaves: Leaves, shapes: LeafShapes) -> UIn
     Returns uint16 (M, SCALES), in units of UNIT radians: root mean square, by area, of the angle between the surface's
     normals and the mean normal of the patch that they lie in, for patches of 2^-k of the node's radius.
     """
-    prefix = np.zeros((len(shapes.areas) + 1, 5))
+    sums = np.zeros((len(shapes.areas), 5))
     if isinstance(leaves, Triangles):
-        _triangle_sums(leaves.normals, leaves.indices, shapes.areas, prefix[1:])
+        _triangle_sums(leaves.normals, leaves.indices, shapes.areas, sums)
     else:
-        np.multiply(shapes.normals, shapes.areas[:, None], out=prefix[1:, :3])
-        prefix[1:, 3] = shapes.areas
-    np.cumsum(prefix, axis=0, out=prefix)
+        np.multiply(shapes.normals, shapes.areas[:, None], out=sums[:, :3])
+        sums[:, 3] = shapes.areas
     first_child, child_count = nodes["first_child"], nodes["child_count"]
-    areas, squares, hanging = _own_spreads(prefix, nodes["leaf_begin"], nodes["leaf_end"], first_child, child_count)
+    below, hanging = node_sums(sums, nodes["leaf_begin"], nodes["leaf_end"], first_child, child_count)
+    areas, squares, of_hanging = below[:, 3].copy(), _own_spreads(below), hanging[:, 4].copy()
     spreads = np.empty((len(nodes), SCALES), np.uint16)
     # Half the size has half the angle, so every level halves its square.
     share = 1.0
     for scale in range(SCALES):
         spreads[:, scale] = np.rint(np.sqrt(squares) / UNIT)
         for _ in range(LEVELS_PER_SCALE if scale + 1 < SCALES else 0):
-            squares = _one_level_below(first_child, child_count, areas, squares, hanging, share)
+            squares = _one_level_below(first_child, child_count, areas, squares, of_hanging, share)
             share *= 0.5
     return spreads

@@ -15,6 +15,11 @@ from hierarchy.model import Float32Array, Float64Array, Int32Array
 
 # Every thread sums into an array of its own; beyond this many, adding them up costs more than it saves.
 MOST_CHUNKS = 8
+# Below this many radians the third angle of a triangle is not taken for what the others leave of pi.
+SMALL_ANGLE = 1e-3
+# Sums of angle times normal below this are the rounding of faces that cancel out; no triangle that has an area has a
+# smaller angle than ten times this (clean.py).
+CANCELLED = 1e-13
 
 
 def vertex_normals(positions: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> Float32Array:
@@ -74,6 +79,9 @@ def _summed_normals(
             angle_a = math.atan2(length, -(ux * wx + uy * wy + uz * wz))
             angle_b = math.atan2(length, -(vx * ux + vy * uy + vz * uz))
             angle_c = math.pi - angle_a - angle_b
+            if angle_c < SMALL_ANGLE:
+                # The tip of a needle: nothing but rounding would be left of the difference.
+                angle_c = math.atan2(length, -(wx * vx + wy * vy + wz * vz))
             for i, angle in ((0, angle_a), (1, angle_b), (2, angle_c)):
                 group = groups[t, i]
                 sums[chunk, group, 0] += angle * nx
@@ -93,8 +101,7 @@ def _unit_normals(sums: Float64Array) -> tuple[Float32Array, npt.NDArray[np.bool
         for chunk in range(1, chunks):
             x, y, z = x + sums[chunk, g, 0], y + sums[chunk, g, 1], z + sums[chunk, g, 2]
         length = math.sqrt(x * x + y * y + z * z)
-        # Angles are of order 1: what is left of faces that cancel out is rounding.
-        if length > 1e-9:
+        if length > CANCELLED:
             normals[g, 0], normals[g, 1], normals[g, 2] = x / length, y / length, z / length
         else:
             normals[g, 0], normals[g, 1], normals[g, 2] = 0.0, 0.0, 1.0

@@ -65,13 +65,20 @@ def _upward(ax, ay, bx, by, cross):  # type: ignore[no-untyped-def]
 
 @nb.njit(cache=True, nogil=True, inline="always")
 def signed_crossing(ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untyped-def]
-    """Tell how the z axis crosses a triangle: 1 towards its front, -1 towards its back, 0 not; and at which z."""
+    """Tell how the z axis crosses a triangle: 1 towards its front, -1 towards its back, 0 not; and at which z.
+
+    A triangle that is seen edge-on crosses the axis like any other, or a ray would slip past it and not past its
+    neighbours; and whatever rounding makes of the ratio of two small areas, it is crossed between its corners.
+    """
     ab, bc, ca = ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax
     sign = _upward(ax, ay, bx, by, ab) + _upward(bx, by, cx, cy, bc) + _upward(cx, cy, ax, ay, ca)
-    area = ab + bc + ca
-    if sign == 0 or area == 0.0:
+    if sign == 0:
         return 0, 0.0
-    return sign, (bc * az + ca * bz + ab * cz) / area
+    low, high = min(az, bz, cz), max(az, bz, cz)
+    area = ab + bc + ca
+    if area == 0.0:
+        return sign, 0.5 * (low + high)
+    return sign, min(max((bc * az + ca * bz + ab * cz) / area, low), high)
 
 
 @nb.njit(cache=True, nogil=True)
