@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -20,8 +21,13 @@ from hierarchy.part import Part, UnreadableFile
 from hierarchy.part_stream import BrokenStream, receive_message, receive_part
 from hierarchy.recording import from_json, note
 
-# Starting takes 0.2 to 0.6 seconds and reading a megabyte 0.05 to 0.3, on a machine that does nothing else.
-SECONDS, SECONDS_PER_BYTE = 6.0, 3e-6
+# Of processor time: on a busy machine a good file takes as much of it as ever. Starting takes 0.2 to 0.6 seconds and
+# reading a megabyte 0.05 to 0.5.
+SECONDS, SECONDS_PER_BYTE = 5.0, 2e-6
+
+# A reader that waits instead of working, or one on a platform that cannot limit processor time, ends after this many
+# times as long.
+WAITING = 10.0 if sys.platform != "win32" else 2.0
 
 # Of address space, of which libraries reserve 0.4 GB at once. A byte of LAZ becomes about 20 bytes of arrays, and is
 # held twice for a moment.
@@ -34,9 +40,14 @@ PATIENCE = 0.1
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2", "RUST_BACKTRACE": "0"}
 MOST_THREADS = 8
 
+TOO_LONG = "damaged: reading it takes far longer than a file of its size should"
+
+# What the interpreter is started with. -P: nothing is imported from the folder that the user happens to be in.
+CHILD = ("-P", "-m", "hierarchy.contained_child")
+
 
 def time_limit(size: int) -> float:
-    """Return how many seconds a file of `size` bytes may take."""
+    """Return how many seconds of processor time a file of `size` bytes may take."""
     return SECONDS + SECONDS_PER_BYTE * size
 
 
@@ -52,17 +63,18 @@ def read_contained(
 
     warnings : gets what the reader warns of
     progress : called with "load" and up to 0.3 about ten times a second, so that it can cancel at any time
-    seconds : a limit in place of `time_limit`
+    seconds : a limit of processor time in place of `time_limit`
     Raises UnreadableFile, also where the reader crashes, takes too long or too much memory; OSError.
     """
     size = path.stat().st_size
-    child = _start(path, kind, memory_limit(size), seconds or time_limit(size))
+    seconds = seconds or time_limit(size)
+    child = _start(path, kind, memory_limit(size), seconds)
     assert child.stdout is not None
     messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
     receiver = threading.Thread(target=_receive, args=(child.stdout, messages, memory_limit(size) // 2), daemon=True)
     try:
         receiver.start()
-        return _collect(messages, warnings, progress, time.monotonic() + (seconds or time_limit(size)))
+        return _collect(child, messages, warnings, progress, time.monotonic() + WAITING * seconds)
     finally:
         child.kill()
         child.wait()
@@ -78,8 +90,7 @@ def _start(path: Path, kind: str, memory: int, seconds: float) -> subprocess.Pop
     threads = {"RAYON_NUM_THREADS": str(min(os.cpu_count() or 1, MOST_THREADS))}
     paths = os.pathsep.join(filter(None, [str(room), os.environ.get("PYTHONPATH")]))
     return subprocess.Popen(
-        # -P: nothing is imported from the folder that the user happens to be in.
-        [sys.executable, "-P", "-m", "hierarchy.contained_child", str(path), kind, str(memory), str(seconds)],
+        [sys.executable, *CHILD, str(path), kind, str(memory), str(seconds)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -108,7 +119,13 @@ def _receive(stream: BinaryIO, messages: queue.SimpleQueue[Any], most_bytes: int
     messages.put(end)
 
 
-def _collect(messages: queue.SimpleQueue[Any], warnings: list[str], progress: Progress, deadline: float) -> list[Part]:
+def _collect(
+    child: subprocess.Popen[bytes],
+    messages: queue.SimpleQueue[Any],
+    warnings: list[str],
+    progress: Progress,
+    deadline: float,
+) -> list[Part]:
     """Wait for all parts. Raises UnreadableFile, MemoryError and what `progress` raises."""
     parts: list[Part] = []
     fraction = 0.0
@@ -121,7 +138,7 @@ def _collect(messages: queue.SimpleQueue[Any], warnings: list[str], progress: Pr
             case Part():
                 parts.append(message)
             case None:
-                raise UnreadableFile("damaged: its reader broke down")
+                raise UnreadableFile(_why_it_ended(child))
             case MemoryError():
                 raise message
             case {"unreadable": str(reason)}:
@@ -138,4 +155,15 @@ def _collect(messages: queue.SimpleQueue[Any], warnings: list[str], progress: Pr
                 return parts
         progress("load", fraction)
         if time.monotonic() > deadline:
-            raise UnreadableFile("damaged: reading it takes far longer than a file of its size should")
+            raise UnreadableFile(TOO_LONG)
+
+
+def _why_it_ended(child: subprocess.Popen[bytes]) -> str:
+    """Return the reason for a child that ended without an answer."""
+    try:
+        code = child.wait(1.0)
+    except subprocess.TimeoutExpired:
+        code = 0
+    if code == -getattr(signal, "SIGXCPU", 0):
+        return TOO_LONG
+    return "damaged: its reader broke down"

@@ -6,6 +6,7 @@ or reserve memory without harm.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
@@ -43,7 +44,7 @@ def _end_with_parent() -> None:
 
 
 def limit_resources(memory: int, seconds: float) -> None:
-    """Limit this process to `memory` bytes of address space, and its threads together to `seconds` for each core.
+    """Limit this process to `memory` bytes of address space and `seconds` of processor time, of all threads together.
 
     Where the platform has no such limits nothing happens.
     """
@@ -51,8 +52,7 @@ def limit_resources(memory: int, seconds: float) -> None:
         import resource
     except ImportError:
         return
-    cores = os.cpu_count() or 1
-    for what, limit in (("RLIMIT_AS", memory), ("RLIMIT_CPU", int(seconds * cores) + 1), ("RLIMIT_CORE", 0)):
+    for what, limit in (("RLIMIT_AS", memory), ("RLIMIT_CPU", math.ceil(seconds)), ("RLIMIT_CORE", 0)):
         try:
             number = getattr(resource, what)
             _, hard = resource.getrlimit(number)
