@@ -7,23 +7,21 @@ on standard error; 130: interrupted.
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from app.interrupt import end_on_interrupt
+
 if TYPE_CHECKING:
     from app.options import Options
-
-EXIT_ERROR = 2
-EXIT_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line (without the program's name) and return the exit status."""
-    signal.signal(signal.SIGINT, _end_at_once)
+    end_on_interrupt()
     # All imports come after this, so that an interrupt is quiet from the first moment on.
-    from app.errors import GraphicsError, OutputError, UsageError, WindowError
+    from app.errors import EXIT_ERROR, GraphicsError, OutputError, UsageError, WindowError
     from app.options import BENCH, parse_options
     from hierarchy.model import ModelError
     from renderer.context import ContextError
@@ -63,15 +61,14 @@ def _run(options: Options) -> None:
         from app.info_command import run_info
 
         run_info(options)
+    elif options.command == "cache":
+        from app.cache_command import run_cache
+
+        run_cache(options)
     else:
         from app.window_command import run_window
 
         run_window(options)
-
-
-def _end_at_once(_signal: int, _frame: object) -> None:
-    # Not KeyboardInterrupt: numba turns it into other errors where it strikes while a kernel is being loaded.
-    os._exit(EXIT_INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+EXIT_ERROR = 2
+
 
 class UsageError(Exception):
     """The command line cannot be understood, or asks for what cannot be."""

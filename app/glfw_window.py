@@ -6,7 +6,9 @@ repaint, keeps the fractions of the cursor's position, and names keys by what th
 
 from __future__ import annotations
 
+import ctypes
 import os
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -16,7 +18,7 @@ import imgui_bundle  # noqa: F401  isort: skip
 import glfw
 from moderngl_window.context.glfw.window import Window as ModernglGlfwWindow
 
-from app.errors import WindowError
+from app.errors import EXIT_ERROR, WindowError
 
 
 def start_glfw() -> None:
@@ -26,6 +28,35 @@ def start_glfw() -> None:
     glfw.ERROR_REPORTING = "ignore"
     if not glfw.init():
         raise WindowError(f"no display: {_last_error()}")
+    _outlive_x_errors()
+
+
+# Kept as long as the process lives: Xlib has only their addresses.
+_x_handlers: list[object] = []
+
+
+def _outlive_x_errors() -> None:
+    """Replace what Xlib does about errors by default: write several lines and end the process with status 1."""
+    if not sys.platform.startswith("linux") or glfw.get_platform() != glfw.PLATFORM_X11:
+        return
+    xlib = ctypes.CDLL("libX11.so.6")
+    refused = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(_request_was_refused)
+    gone = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(_display_is_gone)
+    _x_handlers.extend((refused, gone))
+    xlib.XSetErrorHandler(refused)
+    xlib.XSetIOErrorHandler(gone)
+
+
+def _request_was_refused(_display: int, _error: int) -> int:
+    # One request of many, such as an answer to a program that has ended while it dropped a file here.
+    return 0
+
+
+def _display_is_gone(_display: int) -> int:
+    # The server has ended, and whoever returns from here is ended by Xlib. Nothing can be tidied up through it, and a
+    # thread at work must not hold up the end.
+    os.write(2, b"surfelscope: the display has gone\n")
+    os._exit(EXIT_ERROR)
 
 
 def wake() -> None:

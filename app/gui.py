@@ -8,7 +8,9 @@ import glfw
 from imgui_bundle import imgui
 from imgui_bundle.python_backends.glfw_backend import GlfwRenderer
 from OpenGL import GL
+from OpenGL.error import GLError
 
+from app.errors import GraphicsError
 from app.glfw_window import GlfwWindow
 from app.theme import apply_theme, load_fonts
 
@@ -49,7 +51,10 @@ class Gui:
         return bool(self._context.input_events_queue.size())
 
     def draw(self, describe: Callable[[float], None]) -> None:
-        """Draw one frame onto the bound framebuffer; `describe` is called with the interface's scale."""
+        """Draw one frame onto the bound framebuffer; `describe` is called with the interface's scale.
+
+        Raises GraphicsError where OpenGL fails.
+        """
         scale = self._window.interface_scale
         if scale != self._scale:
             self._scale = scale
@@ -61,8 +66,11 @@ class Gui:
         describe(scale)
         imgui.render()
         # The backend leaves the program in use that it found; one that has been released since cannot be used again.
-        GL.glUseProgram(0)
-        self._backend.render(imgui.get_draw_data())
+        try:
+            GL.glUseProgram(0)
+            self._backend.render(imgui.get_draw_data())
+        except GLError as error:
+            raise GraphicsError(f"OpenGL: error {error.err} in the panel") from error
 
     def move_mouse(self, x: float, y: float) -> None:
         """Report the cursor, in window coordinates."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from dataclasses import dataclass, field
@@ -33,7 +34,7 @@ class FrameReport:
 
 @dataclass(frozen=True)
 class Message:
-    """A line that the window shows until `until` (seconds of time.monotonic)."""
+    """A line that the window shows until `until` (seconds of time.monotonic); inf: until it is clicked away."""
 
     text: str
     is_error: bool
@@ -90,14 +91,27 @@ class ViewerState:
     history: deque[FrameReport] = field(default_factory=lambda: deque(maxlen=HISTORY))
     messages: list[Message] = field(default_factory=list)
 
-    # Long enough to read; errors, which say more, longer.
+    # Long enough to read.
     MESSAGE_SECONDS = 4.0
-    ERROR_SECONDS = 10.0
+    # A reader of files may have an essay to say.
+    LONGEST_TEXT = 400
 
     def say(self, text: str, *, is_error: bool = False) -> None:
-        """Show a line for a while."""
-        seconds = self.ERROR_SECONDS if is_error else self.MESSAGE_SECONDS
-        self.messages.append(Message(text, is_error, time.monotonic() + seconds))
+        """Show a line for a while, or, of an error, until it is dismissed or another one takes its place."""
+        text = " ".join(text.split())
+        if len(text) > self.LONGEST_TEXT:
+            text = f"{text[: self.LONGEST_TEXT]}..."
+        if is_error:
+            self.dismiss_error()
+        until = math.inf if is_error else time.monotonic() + self.MESSAGE_SECONDS
+        self.messages.append(Message(text, is_error, until))
+
+    def dismiss_error(self) -> bool:
+        """Take the error away that is shown; False: there is none."""
+        others = [message for message in self.messages if not message.is_error]
+        dismissed = len(others) < len(self.messages)
+        self.messages = others
+        return dismissed
 
     def drop_old_messages(self, now: float) -> None:
         """Forget the messages whose time has passed."""

@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.background import BackgroundTask
+from app.cache import Cache
 from app.commands import Command
 from app.errors import GraphicsError
 from app.framing import Pose, frame_scene, view_of_pose
+from app.keeper import Keeper
 from app.options import CameraOptions, Options
 from app.orbit_camera import OrbitCamera, orbit_from_pose
 from app.scene import ModelSource, Scene, bake_scene, open_scene
@@ -21,6 +23,9 @@ from hierarchy.view import View, look_at
 from renderer.settings import Settings
 
 QUARTER = 1.5707963267948966
+
+# What the user waits for when the window closes (seconds): the next report of progress is seldom farther away.
+LAST_MOMENT = 0.5
 
 # Azimuth and elevation of the axes' views.
 AXIS_VIEWS = {
@@ -40,9 +45,16 @@ class Viewer:
     steering : has the radii of the next frame
     wake : called from the background, to have `poll` called soon
     upload : called with every new scene before it becomes the one that is shown; may raise GraphicsError
+    cache : where models are looked for, and what they are kept in
     """
 
-    def __init__(self, options: Options, wake: Callable[[], None], upload: Callable[[Scene], None]) -> None:
+    def __init__(
+        self,
+        options: Options,
+        wake: Callable[[], None],
+        upload: Callable[[Scene], None],
+        cache: Cache | None = None,
+    ) -> None:
         self.state = _state_of_options(options)
         self.steering = Steering()
         self.scene: Scene | None = None
@@ -56,6 +68,10 @@ class Viewer:
         self._camera_options = options.camera
         self._opens = False
         self._baking = 0
+        self._cache = cache
+        self._keeper = None if cache is None else Keeper(cache)
+        # What goes into the cache once it has been drawn: the first picture comes first.
+        self._unkept: Scene | None = None
         self.open(ModelSource(options.model, options.texture, options.points))
 
     def open_path(self, path: Path) -> None:
@@ -64,7 +80,7 @@ class Viewer:
 
     def open(self, source: ModelSource) -> None:
         """Load and build another model in the background; the one that is open stays until then."""
-        self._start(lambda progress: _open_ready_to_select(source, progress), opens=True)
+        self._start(lambda progress: _open_ready_to_select(source, progress, self._cache), opens=True)
 
     def poll(self, resolution: tuple[int, int]) -> None:
         """Take over what the background has finished, and start what has to be done next."""
@@ -81,6 +97,9 @@ class Viewer:
         """Take in what the last frame took."""
         self.state.history.append(report)
         self.steering.drawn(self.state, report.total, time.monotonic())
+        if self._unkept is not None and self._keeper is not None:
+            self._keeper.keep(self._unkept)
+        self._unkept = None
 
     def cancel(self) -> bool:
         """Stop the work in the background; False: there is none."""
@@ -89,11 +108,14 @@ class Viewer:
         self.task.cancel()
         return True
 
-    def close(self) -> None:
-        """Stop the work and give it a moment to end."""
+    def close(self) -> bool:
+        """Stop the work and give it a moment to end; False: it still runs."""
         if self.task is not None:
             self.task.cancel()
-            self.task.wait(5.0)
+            self.task.wait(LAST_MOMENT)
+        if self._keeper is not None:
+            self._keeper.close()
+        return self.task is None or self.task.finished
 
     def fit(self, resolution: tuple[int, int]) -> None:
         """Show the whole model from the same direction."""
@@ -151,11 +173,13 @@ class Viewer:
         except MemoryError:
             self.state.say("There is not enough memory for this", is_error=True)
             self._forget_wish()
-        except Exception as error:
-            # The window has to outlive whatever a reader of files stumbles over.
+        except BaseException as error:
+            # The window has to outlive whatever a reader of files stumbles over; one in Rust panics with an exception
+            # that is none to Python. Neither an interrupt nor the window's end come this way.
             self.state.say(f"{type(error).__name__}: {error}", is_error=True)
             self._forget_wish()
         else:
+            self.state.dismiss_error()
             if self._opens:
                 self.state.history.clear()
                 self.steering = Steering()
@@ -164,7 +188,7 @@ class Viewer:
                 self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
                 for warning in scene.hierarchy.warnings:
                     self.state.say(warning)
-            self.scene = scene
+            self.scene = self._unkept = scene
 
     def _forget_wish(self) -> None:
         """Do not start again what has just been cancelled or has failed: keep the tiles that there are."""
@@ -180,7 +204,7 @@ class Viewer:
         baking = self._baking if self.task is not None else scene.tiles.texels if scene.tiles else 0
         if baking != wanted:
             self._baking = wanted
-            self._start(lambda progress: bake_scene(scene, wanted, progress), opens=False)
+            self._start(lambda progress: bake_scene(scene, wanted, progress, cache=self._cache), opens=False)
 
     def _frame(self, scene: Scene, resolution: tuple[int, int]) -> None:
         options, self._camera_options = self._camera_options, CameraOptions()
@@ -217,11 +241,11 @@ def _state_of_options(options: Options) -> ViewerState:
     return state
 
 
-def _open_ready_to_select(source: ModelSource, progress: Progress) -> Scene:
+def _open_ready_to_select(source: ModelSource, progress: Progress, cache: Cache | None) -> Scene:
     """Open a scene without tiles and choose a first cut, so that its kernel is compiled before the window wants it."""
     from hierarchy.lod import select_cut
 
-    scene = open_scene(source, None, progress)
+    scene = open_scene(source, None, progress, cache=cache)
     progress("Preparing the selection", 1.0)
     resolution = (64, 64)
     view = view_of_pose(frame_scene(scene, CameraOptions(), resolution), scene, resolution)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from app.errors import GraphicsError, graphics_errors
+from app.errors import graphics_errors
 from app.export import read_picture
 from app.scene import Scene
 from app.state import STAGES, FrameReport
 from app.viewer import Viewer
 from hierarchy.lod import select_cut
+from renderer.allocation import GpuError, allocating
+from renderer.limits import probe_limits
 from renderer.renderer import Renderer
 
 
@@ -23,12 +26,18 @@ class Viewport:
     size : width and height of the picture in pixels
     """
 
-    def __init__(self, ctx: moderngl.Context) -> None:
+    def __init__(self, ctx: moderngl.Context, tile_bytes: int | None = None) -> None:
+        """Start without a model.
+
+        tile_bytes : most memory that the normal tiles may take on the GPU, None: all there is
+        """
         self._ctx = ctx
-        self._renderer = Renderer(ctx)
+        self._renderer = Renderer(ctx, probe_limits(ctx, tile_bytes))
         self._target: moderngl.Framebuffer | None = None
         self._uploaded: Scene | None = None
-        self._drawn: tuple[object, ...] | None = None
+        # What the last picture was to show, also where it could not be drawn; it is not tried twice.
+        self._tried: tuple[object, ...] | None = None
+        self._told: object = None
         self.size = (1, 1)
 
     @property
@@ -38,31 +47,46 @@ class Viewport:
 
     def upload(self, scene: Scene) -> None:
         """Bring a scene to the GPU; raises GraphicsError where it does not fit, and keeps the last one then."""
-        last = self._uploaded
-        try:
-            with graphics_errors():
-                if last is None or last.hierarchy is not scene.hierarchy:
-                    self._renderer.set_hierarchy(scene.hierarchy)
-                self._renderer.set_tiles(scene.tiles)
-        except GraphicsError:
-            if last is not None:
-                self._renderer.set_hierarchy(last.hierarchy)
-                self._renderer.set_tiles(last.tiles)
-            raise
+        last, renderer = self._uploaded, self._renderer
+        with graphics_errors():
+            if last is None or last.hierarchy is not scene.hierarchy:
+                try:
+                    renderer.set_hierarchy(scene.hierarchy)
+                except GpuError:
+                    if last is None or last.tiles is None:
+                        raise
+                    # There may be room without the tiles of the last one.
+                    renderer.set_tiles(None)
+                    try:
+                        renderer.set_hierarchy(scene.hierarchy)
+                    except GpuError:
+                        renderer.set_tiles(last.tiles)
+                        raise
+            # From here on the last one is not there any more.
+            self._uploaded = replace(scene, tiles=None)
+            renderer.set_tiles(scene.tiles)
         self._uploaded = scene
 
     def is_stale(self, viewer: Viewer) -> bool:
         """The picture is not the one that would be drawn now."""
-        return viewer.scene is not None and self._drawn != self._wanted(viewer)
+        return viewer.scene is not None and self._tried != self._wanted(viewer)
 
     def draw(self, viewer: Viewer) -> FrameReport:
-        """Draw the scene of the viewer, which has to have one, and tell what it took."""
+        """Draw the scene of the viewer, which has to have one, and tell what it took.
+
+        Raises GraphicsError where the picture cannot be drawn; the last one then stays.
+        """
         assert viewer.scene is not None
+        self._tried = self._wanted(viewer)
+        with graphics_errors():
+            return self._draw(viewer, viewer.scene)
+
+    def _draw(self, viewer: Viewer, scene: Scene) -> FrameReport:
         state, steering, target = viewer.state, viewer.steering, self._framebuffer()
         start = time.perf_counter()
         view = viewer.view(self.size)
         cut = select_cut(
-            viewer.scene.hierarchy,
+            scene.hierarchy,
             view,
             steering.r_sil,
             steering.r_inner,
@@ -73,7 +97,7 @@ class Viewport:
         self._renderer.draw(cut, view, state.settings, target)
         self._ctx.finish()
         end = time.perf_counter()
-        self._drawn = self._wanted(viewer)
+        self._keep(target)
         stages = {"select": 1e3 * (selected - start), **self._renderer.timings}
         first, second, third, fourth = (float(stages.get(stage, 0.0)) for stage in STAGES)
         return FrameReport(
@@ -87,18 +111,18 @@ class Viewport:
 
     def show(self, screen: moderngl.Framebuffer) -> None:
         """Copy the picture into the lower left corner of the window's framebuffer."""
-        if self._target is not None and self._drawn is not None:
+        if self._target is not None:
             self._ctx.copy_framebuffer(screen, self._target)
 
     def picture(self) -> npt.NDArray[np.uint8] | None:
         """Return what was drawn last, uint8 (H, W, 4), row 0 at the top; None: nothing yet."""
-        if self._target is None or self._drawn is None:
+        if self._target is None:
             return None
         return read_picture(self._target)
 
     def depth_at(self, x: float, y: float) -> float | None:
         """Return the depth of the surface at a pixel, counted from the top left, in the file's lengths; None: none."""
-        if self._drawn is None or self._target is None:
+        if self._target is None:
             return None
         width, height = self._target.size
         column, row = int(x), int(y)
@@ -108,10 +132,22 @@ class Viewport:
         assert self._uploaded is not None
         return self._uploaded.hierarchy.scale * depth if np.isfinite(depth) else None
 
+    def shortcoming(self, scene: Scene) -> str:
+        """Say what the graphics card does not do for a scene that was drawn, once for its tiles; "": nothing."""
+        limits, untiled = self._renderer.limits, self._renderer.untiled
+        if self._told is scene.tiles or (limits.float_blending and untiled == 0):
+            return ""
+        self._told = scene.tiles
+        if untiled:
+            return f"No room for the tiles of {untiled:,} splats, which have one normal each; a smaller w_s helps"
+        return "This graphics card cannot add up floats: splats are not blended"
+
     def release(self) -> None:
         """Give back what is held on the GPU."""
         self._renderer.release()
-        self._release_target()
+        if self._target is not None:
+            _release(self._target)
+            self._target = None
 
     def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
         """Everything that the picture depends on; equal means that the picture is the same."""
@@ -119,16 +155,21 @@ class Viewport:
         return (viewer.scene, viewer.camera, radii, state.printed_cone_test, state.settings, self.size)
 
     def _framebuffer(self) -> moderngl.Framebuffer:
-        if self._target is None or self._target.size != self.size:
-            self._release_target()
+        """Return what to draw into: where the size is another one, not what holds the last picture."""
+        if self._target is not None and self._target.size == self.size:
+            return self._target
+        with allocating(self._ctx, "a picture of {} x {} pixels".format(*self.size)) as held:
             # No depth: OpenGL refuses to copy it to a window whose depth has another format.
-            self._target = self._ctx.framebuffer([self._ctx.renderbuffer(self.size, 4)])
-        return self._target
+            return held.add(self._ctx.framebuffer([held.add(self._ctx.renderbuffer(self.size, 4))]))
 
-    def _release_target(self) -> None:
-        if self._target is not None:
-            attachments = self._target.color_attachments
-            self._target.release()
-            for attachment in attachments:
-                attachment.release()
-            self._target = None
+    def _keep(self, target: moderngl.Framebuffer) -> None:
+        if self._target is not None and self._target is not target:
+            _release(self._target)
+        self._target = target
+
+
+def _release(framebuffer: moderngl.Framebuffer) -> None:
+    attachments = framebuffer.color_attachments
+    framebuffer.release()
+    for attachment in attachments:
+        attachment.release()

@@ -16,13 +16,15 @@ from moderngl_window.context.base import WindowConfig
 from moderngl_window.timers.clock import Timer
 
 from app import overlays, panel
+from app.cache_command import user_cache
 from app.commands import Command, find_command
-from app.errors import OutputError
+from app.errors import GraphicsError, OutputError, graphics_errors
 from app.file_chooser import FileChooser
 from app.gestures import Button, Gestures
 from app.glfw_window import GlfwWindow, wake
 from app.gui import Gui
 from app.options import Options
+from app.scene import Scene
 from app.screenshot import save_screenshot
 from app.state import FrameReport
 from app.viewer import AXIS_VIEWS, Viewer
@@ -54,7 +56,7 @@ class ViewerWindow(WindowConfig):
         self._verbose = options.verbose
         self._gui = Gui(wnd)
         self._viewport = Viewport(ctx)
-        self._viewer = Viewer(options, wake, self._viewport.upload)
+        self._viewer = Viewer(options, wake, self._viewport.upload, user_cache(options, self._say))
         self._gestures = Gestures(self._viewport.depth_at)
         self._chooser = FileChooser()
         self._unsettled = SETTLING_FRAMES
@@ -65,16 +67,18 @@ class ViewerWindow(WindowConfig):
     # The loop.
 
     def show(self) -> None:
-        """Show the window until it is closed."""
-        try:
+        """Show the window until it is closed; raises GraphicsError where OpenGL fails for good."""
+        with graphics_errors():
             while not self._window.is_closing:
                 self._report_idleness()
                 self._window.wait_for_events(self._sleep())
                 self._step()
-        finally:
-            self._viewer.close()
             self._viewport.release()
             self._gui.close()
+
+    def close(self) -> bool:
+        """Stop the work in the background; False: it does not end at once."""
+        return self._viewer.close()
 
     @property
     def _has_to_draw(self) -> bool:
@@ -113,11 +117,25 @@ class ViewerWindow(WindowConfig):
             return
         if state.continuous or self._viewport.is_stale(viewer):
             if viewer.scene is not None:
-                self._report(self._viewport.draw(viewer))
+                self._draw_picture(viewer.scene)
             self._unsettled = max(self._unsettled, 1)
         if self._unsettled > 0:
             self._draw_window()
             self._unsettled = max(self._unsettled - 1, 1 if self._gui.has_pending_input else 0)
+
+    def _draw_picture(self, scene: Scene) -> None:
+        """Draw the model; where that cannot be done the last picture stays and a message says why."""
+        try:
+            report = self._viewport.draw(self._viewer)
+        except GraphicsError as error:
+            self._viewer.state.say(str(error), is_error=True)
+        except MemoryError:
+            self._viewer.state.say("There is not enough memory for this picture", is_error=True)
+        else:
+            self._report(report)
+            shortcoming = self._viewport.shortcoming(scene)
+            if shortcoming:
+                self._viewer.state.say(shortcoming)
 
     def _draw_window(self) -> None:
         screen = self.ctx.screen
@@ -146,6 +164,10 @@ class ViewerWindow(WindowConfig):
                 flush=True,
             )
 
+    def _say(self, what: str) -> None:
+        if self._verbose:
+            print(what, file=sys.stderr, flush=True)
+
     def _describe(self, scale: float) -> None:
         """Describe panel and overlays to ImGui, and do what they ask for."""
         viewer, state = self._viewer, self._viewer.state
@@ -160,7 +182,7 @@ class ViewerWindow(WindowConfig):
         elif viewer.scene is None:
             overlays.draw_hint(area)
         dismissed = overlays.draw_messages(state.messages, area, scale)
-        if dismissed is not None:
+        if dismissed in state.messages:
             state.messages.remove(dismissed)
         if state.show_help:
             overlays.draw_help(self._gui.bold, area)
@@ -204,19 +226,22 @@ class ViewerWindow(WindowConfig):
         self._viewer.state.show_help = not self._viewer.state.show_help
 
     def _dismiss(self) -> None:
-        if self._viewer.state.show_help:
-            self._viewer.state.show_help = False
-        else:
-            self._viewer.cancel()
+        state = self._viewer.state
+        if state.show_help:
+            state.show_help = False
+        elif not self._viewer.cancel():
+            state.dismiss_error()
 
     def _screenshot(self) -> None:
-        picture = self._viewport.picture()
-        if picture is None:
-            return
         try:
+            picture = self._viewport.picture()
+            if picture is None:
+                return
             self._viewer.state.say(f"Saved {save_screenshot(picture, datetime.now())}")
         except OutputError as error:
             self._viewer.state.say(str(error), is_error=True)
+        except MemoryError:
+            self._viewer.state.say("There is not enough memory for a screenshot", is_error=True)
 
     # Events.
 
@@ -321,8 +346,12 @@ class ViewerWindow(WindowConfig):
         return max(width, 1), max(height, 1)
 
 
-def open_window(options: Options) -> None:
-    """Open the window and return once it is closed; `start_glfw` comes first. Raises WindowError."""
+def open_window(options: Options) -> bool:
+    """Open the window and return once it is closed; `start_glfw` comes first.
+
+    Returns False where work in the background does not end at once. Raises WindowError, or GraphicsError where OpenGL
+    fails for good.
+    """
     window = GlfwWindow(
         title=ViewerWindow.title,
         size=options.resolution or DEFAULT_SIZE,
@@ -334,6 +363,9 @@ def open_window(options: Options) -> None:
     )
     try:
         activate_context(window=window)
-        ViewerWindow(options, window.ctx, window).show()
+        viewer = ViewerWindow(options, window.ctx, window)
+        viewer.show()
     finally:
+        # It shall not stand there while the work ends.
         window.destroy()
+    return viewer.close()

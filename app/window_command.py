@@ -16,7 +16,8 @@ DEFAULT_SIZE = (1280, 800)
 def run_window(options: Options) -> None:
     """Show the model in a window.
 
-    Raises WindowError where there is a display but no window, and what `render` raises where there is none.
+    Raises WindowError where there is a display but no window, GraphicsError where OpenGL fails for good, and what
+    `render` raises where there is no display.
     """
     if not _may_have_display():
         _render(options, "there is no display")
@@ -31,7 +32,11 @@ def run_window(options: Options) -> None:
         return
     from app.window import open_window
 
-    open_window(options)
+    if not open_window(options):
+        # The interpreter would wait for the parallel kernel that still runs.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
 
 
 def _may_have_display() -> bool:

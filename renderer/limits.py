@@ -78,6 +78,9 @@ def blends_floats(ctx: moderngl.Context) -> bool:
     ctx.enable_only(moderngl.NOTHING)
     ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
     bound.use()
-    for each in (framebuffer, array, program, *textures):
-        each.release()
+    for texture in textures:
+        texture.release()
+    framebuffer.release()
+    array.release()
+    program.release()
     return bool((half == 2.0).all() and (full == 2.0).all())
