@@ -208,5 +208,6 @@ def reason(error: BaseException, kind: str) -> str:
 
 
 def _damaged(kind: str) -> str:
-    article = "an" if kind[:1].upper() in TAKE_AN else "a"
+    # LAS is said as a word, the others letter by letter.
+    article = "an" if kind[:1].upper() in TAKE_AN and kind not in LAS_KINDS else "a"
     return f"damaged, truncated or not {article} {kind.upper()} file"

@@ -59,7 +59,8 @@ def send_part(stream: BinaryIO, part: Part) -> None:
         {"part": shapes, "texture_name": part.texture_name, "material_color": color, "bad_faces": int(part.bad_faces)},
     )
     for name, dtype in ARRAYS.items():
-        if name in shapes:
+        # An empty array has no bytes to look at.
+        if name in shapes and arrays[name].size:
             stream.write(memoryview(np.ascontiguousarray(arrays[name], dtype)).cast("B"))
     stream.flush()
 
@@ -74,7 +75,7 @@ def receive_part(stream: BinaryIO, message: dict[str, Any], most_bytes: int) -> 
         color = message["material_color"]
         red, green, blue, alpha = (int(value) for value in color or (0, 0, 0, 0))
         bad_faces, texture_name = int(message["bad_faces"]), message["texture_name"]
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise BrokenStream from error
     _check_shapes(shapes)
     total = sum(int(np.prod(shape, dtype=object)) * np.dtype(ARRAYS[name]).itemsize for name, shape in shapes.items())
