@@ -243,6 +243,7 @@ class Renderer:
     def _enter(self) -> None:
         """Reset what the passes do not set themselves, whoever drew before."""
         self._ctx.wireframe = False
+        self._ctx.front_face = "ccw"
         self._ctx.polygon_offset = 0.0, 0.0
         # A sampler object would override the filters of the textures.
         self._ctx.clear_samplers(0, MATCAP_UNIT + 1)

@@ -31,8 +31,13 @@ SINK = 0.5
 # less than that in most places where a view from the side would open a crack between them: without, 6 hole pixels a
 # view are left on the meteoroid at r_inner 24.
 GROW = 0.25
-# Pixels from the centre of one to its corner: a disc with this radius shows in one pixel at least.
-SMALLEST = 0.5**0.5
+# The least radius in pixels of a disc that faces the eye: it shows in one pixel at least. From the centre of a pixel to
+# its corner it is the root of 1/2; the rest is for the grid of 1/256 pixel that rasterisers place corners on.
+SMALLEST = 0.72
+# The share of its weight that a primitive keeps which faces away from the eye. Where the two sides of a thin sheet lie
+# within epsilon of each other, normals that add up alike would cancel; so the side that faces the eye decides, and
+# where there is none the other is all there is.
+FACING_AWAY = 1.0 / 1024.0
 # By how much a splat's rectangle exceeds what lies below it, in pixels and as a share of its thickness: neighbours
 # share an edge, and lie at different heights.
 MARGIN = (0.5, 0.5)
@@ -59,7 +64,11 @@ class Variant:
 
     def defines(self, targets: Targets) -> dict[str, str | int | float]:
         """Return the macros of the attribute pass."""
-        macros: dict[str, str | int | float] = {"RECORD_WIDTH": RECORD_WIDTH, "SHARPNESS": f"{SHARPNESS:.9g}"}
+        macros: dict[str, str | int | float] = {
+            "RECORD_WIDTH": RECORD_WIDTH,
+            "SHARPNESS": f"{SHARPNESS:.9g}",
+            "FACING_AWAY": f"{FACING_AWAY:.9g}",
+        }
         if self.normal_mapping:
             macros["NORMAL_MAPPING"] = 1
         if self.sprite:
@@ -183,6 +192,7 @@ def pass_uniforms(
     uniforms: dict[str, object] = {
         "eye_from_model": tuple(view.eye_from_model.T.ravel()),
         "clip_from_eye": tuple(view.clip_from_eye.T.ravel()),
+        "clip_from_model": tuple((view.clip_from_eye @ view.eye_from_model).T.ravel()),
         "splat_records": RECORDS_UNIT,
         "silhouette_splats": cut.silhouette_splats,
         "silhouette_triangles": cut.silhouette_triangles,

@@ -25,14 +25,14 @@ class Targets:
             self.visible_depth = held.add(ctx.depth_texture(size))
             # Read with texelFetch, never compared.
             self.visible_depth.compare_func = ""
-            self.sums: dict[str, moderngl.Texture] = {"normal": held.add(ctx.texture(size, 4, dtype="f2"))}
+            self.sums: dict[str, moderngl.Texture] = {"normal": held.add(ctx.texture(size, 4, dtype="f4"))}
             if color:
-                self.sums["color"] = held.add(ctx.texture(size, 4, dtype="f2"))
+                self.sums["color"] = held.add(ctx.texture(size, 4, dtype="f4"))
             if depth:
                 # Distances need more than the 11 bits of a half float.
                 self.sums["depth"] = held.add(ctx.texture(size, 2, dtype="f4"))
             if tint:
-                self.sums["tint"] = held.add(ctx.texture(size, 4, dtype="f2"))
+                self.sums["tint"] = held.add(ctx.texture(size, 4, dtype="f4"))
             for texture in self.sums.values():
                 texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             sums = list(self.sums.values())

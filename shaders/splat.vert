@@ -3,8 +3,8 @@
 //       SPRITE: the papers' own primitive instead, a square of pixels around the projected disc; disc_point.glsl
 //       intersects every pixel's view ray with it.
 // In:   in_splat, in_tile, one per instance; gl_VertexID 0..3 is the corner; the records' texture.
-// Out:  v_disc, the point in the disc's frame, its rim the unit circle (SPRITE: v_centre and v_radius); in the attribute
-//       pass the frame, the tile, and what colours and overlays need.
+// Out:  v_disc, the point in the disc's frame, its rim the unit circle (SPRITE: what disc_point.glsl needs instead); in
+//       the attribute pass the frame, the tile, and what colours and overlays need.
 // Source: Holst and Schumann 2007, eq. 4-6, 9 and 11; quads in object space after Ren et al. 2002. VISIBILITY pushes the
 //       splat back along the view rays by an epsilon tied to the disc's own size (Botsch et al. 2005).
 #include "frame.glsl"
@@ -24,6 +24,9 @@ uniform vec2 margin;            // pixels, times thickness: by which the rectang
 #ifdef SPRITE
 flat out vec3 v_centre;
 flat out float v_radius;
+flat out vec4 v_clip;    // of the centre
+flat out float v_push;   // in depth
+flat out vec3 v_plane;   // the normal of what is drawn
 #else
 out vec2 v_disc;
 #endif
@@ -33,7 +36,10 @@ uniform vec2 epsilon;  // times thickness, times radius
 #if defined(SPRITE) || !defined(VISIBILITY)
 flat out vec3 v_o1;
 flat out vec3 v_o2;
+#endif
+#ifndef VISIBILITY
 flat out vec3 v_normal;
+flat out float v_facing;  // 1: the disc faces the eye, 0: it faces away
 #endif
 #ifdef NORMAL_MAPPING
 in int in_tile;
@@ -63,8 +69,8 @@ float sprite_size(vec3 centre, vec3 normal, float radius)
 #ifdef PARALLEL
     return 2.0 * focal * max(extents.x, extents.y) + 1.0;
 #else
-    float nearest = max(-centre.z - extents.z, 1e-6 * radius);
-    vec2 half_size = extents.xy + abs(centre.xy / centre.z) * extents.z;
+    float nearest = max(-centre.z - extents.z, max(1e-6 * radius, 1e-30));
+    vec2 half_size = extents.xy + abs(centre.xy) / max(abs(centre.z), 1e-30) * extents.z;
     return 2.0 * focal * max(half_size.x, half_size.y) / nearest + 1.0;
 #endif
 }
@@ -88,42 +94,58 @@ void main()
     // What is far away must not fall between the pixels.
     float radius = max(splat.radius + (silhouette ? 0.0 : grow * pixel), smallest * pixel);
     mat3 rotation = mat3(eye_from_model);
-    vec3 o1, o2;
+    vec3 o1, o2, plane = splat.normal;
     tangents(splat.normal, o1, o2);
+    // Nor what is small and seen edge-on: below the size of a pixel a disc faces the eye, whole and without a tile.
+    bool tiny = splat.radius < smallest * pixel;
+    if (tiny) {
+        mat3 axes = transpose(rotation);
+        o1 = axes[0];
+        o2 = axes[1];
+        plane = axes[2];
+    }
 #ifdef VISIBILITY
-    float push = epsilon.x * splat.thickness + epsilon.y * splat.radius;
+    float push = epsilon.x * splat.thickness + epsilon.y * max(splat.radius, smallest * pixel);
 #ifdef PARALLEL
     float by = push;
 #else
     // All of the disc by the same factor: a push by a length along each ray would bend it.
-    float by = push / max(length(centre), push);
+    float by = push / max(max(length(centre), push), 1e-30);
 #endif
+    float push_of_depth = depth_push(by);
 #else
-    const float by = 0.0;
+    const float push_of_depth = 0.0;
 #endif
 
 #ifdef SPRITE
-    gl_Position = project(centre);
-    gl_PointSize = sprite_size(centre, rotation * splat.normal, radius);
-    v_centre = push_back(centre, by);
-#ifdef PARALLEL
+    gl_Position = project(splat.centre);
+    v_plane = rotation * plane;
+    gl_PointSize = sprite_size(centre, v_plane, radius);
+    v_centre = centre;
     v_radius = radius;
-#else
-    v_radius = radius * (1.0 + by);
-#endif
+    v_clip = gl_Position;
+    v_push = push_of_depth;
 #else
     v_disc = box_corner(splat, gl_VertexID, (margin.x * pixel + margin.y * splat.thickness) / max(splat.radius, 1e-30));
-    vec3 point = splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2);
-    gl_Position = project_pushed((eye_from_model * vec4(point, 1.0)).xyz, by);
+    if (tiny) v_disc = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    gl_Position = pushed(project(splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2)), push_of_depth);
 #endif
 #if defined(SPRITE) || !defined(VISIBILITY)
     v_o1 = rotation * o1;
     v_o2 = rotation * o2;
+#endif
+#ifndef VISIBILITY
     v_normal = rotation * splat.normal;
+    // The eye is on one side of all of the disc's plane.
+#ifdef PARALLEL
+    v_facing = v_normal.z >= 0.0 ? 1.0 : 0.0;
+#else
+    v_facing = dot(v_normal, centre) <= 0.0 ? 1.0 : 0.0;
+#endif
 #endif
 #ifdef NORMAL_MAPPING
     v_tile = vec3(0.0, 0.0, -1.0);
-    if (in_tile >= 0) {
+    if (in_tile >= 0 && !tiny) {
         int side = layer_size / tile_texels;
         vec2 corner = vec2(in_tile % side, (in_tile / side) % side) * float(tile_texels);
         v_tile = vec3((corner + 0.5 * float(tile_texels)) / float(layer_size), float(in_tile / (side * side)));

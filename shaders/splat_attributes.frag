@@ -4,14 +4,16 @@
 // Source: Holst and Schumann 2007, eq. 11 (texel) and 14 (kernel); Botsch et al. 2005, section 5.
 #include "hemisphere.glsl"
 #include "accumulate.glsl"
+#include "project.glsl"
 #include "axis_distance.glsl"
 #include "disc_point.glsl"
 
 #ifndef SPRITE
 flat in vec3 v_o1;
 flat in vec3 v_o2;
-flat in vec3 v_normal;
 #endif
+flat in vec3 v_normal;
+flat in float v_facing;
 #ifdef NORMAL_MAPPING
 flat in vec3 v_tile;
 uniform sampler2DArray tile_normals;
@@ -37,7 +39,8 @@ void main()
     DiscPoint point = disc_point();
     float rho2 = dot(point.at, point.at);
     if (rho2 > 1.0) discard;
-    float weight = exp(-SHARPNESS * rho2);
+    float share = mix(FACING_AWAY, 1.0, v_facing);
+    float weight = share * exp(-SHARPNESS * rho2);
     vec3 normal = v_normal;
 #ifdef COLOR
     vec3 color = v_color;
@@ -68,7 +71,7 @@ void main()
 #endif
     vec4 tint = outline ? OUTLINE_TINT : v_tint;
     // An outline's weight must not fade with the kernel, or no rim would ever show.
-    float shown = outline ? 1.0 : weight;
+    float shown = outline ? share : weight;
     sum_tint = vec4(shown * tint.a * tint.rgb, shown * tint.a);
 #endif
 }

@@ -6,11 +6,10 @@
 
 in vec3 in_position;
 
-uniform mat4 eye_from_model;
-
 #ifdef VISIBILITY
 uniform float focal;  // pixels of a unit length at unit distance; PARALLEL: at any
 #else
+uniform mat4 eye_from_model;
 in vec3 in_normal;
 out vec3 v_normal;
 #ifdef COLOR
@@ -21,11 +20,10 @@ out vec3 v_color;
 
 void main()
 {
-    vec3 eye = (eye_from_model * vec4(in_position, 1.0)).xyz;
+    gl_Position = project(in_position);
 #ifdef VISIBILITY
-    gl_Position = project_pushed(eye, 1.0 / focal);
+    gl_Position = pushed(gl_Position, depth_push(1.0 / focal));
 #else
-    gl_Position = project(eye);
     v_normal = mat3(eye_from_model) * in_normal;
 #ifdef COLOR
     v_color = in_color.rgb;

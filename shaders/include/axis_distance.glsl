@@ -1,7 +1,5 @@
 // Role: the distance of a fragment along the view axis. PARALLEL: from its depth, which then is linear in it.
-// Source: none.
-uniform mat4 clip_from_eye;
-
+//       project.glsl comes before it. Source: none.
 float axis_distance()
 {
 #ifdef PARALLEL

@@ -36,6 +36,7 @@ class Discs:
     tile_normals : the normal at a point of a disc; None for the discs' own normals
     boxes, angles : (N, 4) and (N,), what is drawn of each disc: low and high ends along u and along v, which are o1 and
         o2 turned by the angle; None: all
+    planes : (N, 3), unit normals of the discs that are drawn, where these are others than `normals`
     """
 
     centres: Float64Array
@@ -47,6 +48,7 @@ class Discs:
     tile_normals: TileNormals | None = None
     boxes: Float64Array | None = None
     angles: Float64Array | None = None
+    planes: Float64Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +117,7 @@ def render(
     close_cracks: bool = False,
     offset: tuple[float, float] = (0.0, 0.0),
     coverage: Callable[[Float64Array], Float64Array] = drawn_or_not,
+    facing_away: float = 1.0,
 ) -> Picture:
     """Draw discs and triangles by the three passes.
 
@@ -122,14 +125,15 @@ def render(
     close_cracks : fill uncovered pixels that lie between covered ones (`cracks`)
     offset : where in a pixel, right and down from its centre, it is sampled
     coverage : from the sum of weights (H, W)
+    facing_away : the share of their weight that primitives keep which face away from the eye
     """
     shape = (view.height, view.width)
     rays = pixel_rays(view, offset)
     fragments: list[Fragments] = []
     if discs is not None:
-        fragments += _disc_fragments(view, rays, discs, kernel, cull_back_faces)
+        fragments += _disc_fragments(view, rays, discs, kernel, 0.0 if cull_back_faces else facing_away)
     if triangles is not None:
-        fragments += _triangle_fragments(view, rays, triangles, cull_back_faces)
+        fragments += _triangle_fragments(view, rays, triangles, 0.0 if cull_back_faces else facing_away)
 
     # Pass 1, visibility: the nearest pushed-back depth.
     visibility = np.full(shape, np.inf)
@@ -225,17 +229,17 @@ def bilinear_tile(tile: Float64Array, u: Float64Array, v: Float64Array) -> Float
     return mixed
 
 
-def _disc_fragments(
-    view: View, rays: Rays, discs: Discs, kernel: Kernel, cull_back_faces: bool
-) -> Iterator[Fragments]:
+def _disc_fragments(view: View, rays: Rays, discs: Discs, kernel: Kernel, facing_away: float) -> Iterator[Fragments]:
     """Yield the fragments of each disc: where the ray meets its plane within its radius (Phong Splatting eq. 6)."""
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
     for i, radius in enumerate(discs.radii):
         centre, normal = rotation @ discs.centres[i] + translation, rotation @ discs.normals[i]
-        if cull_back_faces and (-normal[2] if view.is_parallel else np.dot(centre, normal)) >= 0.0:
+        away = (-normal[2] if view.is_parallel else np.dot(centre, normal)) > 0.0
+        if away and facing_away == 0.0:
             continue
-        slope = rays.directions @ normal
-        parameter = np.divide((centre - rays.starts) @ normal, slope, out=np.zeros_like(slope), where=slope != 0.0)
+        plane = normal if discs.planes is None else rotation @ discs.planes[i]
+        slope = rays.directions @ plane
+        parameter = np.divide((centre - rays.starts) @ plane, slope, out=np.zeros_like(slope), where=slope != 0.0)
         points = rays.starts + rays.directions * parameter[..., None]
         rho2 = ((points - centre) ** 2).sum(axis=-1) / radius**2
         epsilon = float(discs.epsilons[i])
@@ -256,13 +260,11 @@ def _disc_fragments(
         else:
             normals = discs.tile_normals(i, offset @ discs.o1[i], offset @ discs.o2[i])
         depth = parameter[mask]
-        weight = np.where(depth >= view.near, kernel(rho2[mask]), 0.0)
+        weight = np.where(depth >= view.near, (facing_away if away else 1.0) * kernel(rho2[mask]), 0.0)
         yield Fragments(mask, depth, pushed[mask], weight, normals)
 
 
-def _triangle_fragments(
-    view: View, rays: Rays, triangles: Triangles, cull_back_faces: bool
-) -> Iterator[Fragments]:
+def _triangle_fragments(view: View, rays: Rays, triangles: Triangles, facing_away: float) -> Iterator[Fragments]:
     """Yield the fragments of each triangle: where the ray's barycentric coordinates are not negative."""
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
     moments = rays.moments
@@ -271,7 +273,7 @@ def _triangle_fragments(
         face = np.cross(b - a, c - a)
         # Below 0 where the front is turned to the eye.
         height = -face[2] if view.is_parallel else np.dot(a, face)
-        if height == 0.0 or (cull_back_faces and height > 0.0):
+        if height == 0.0 or (facing_away == 0.0 and height > 0.0):
             continue
         # On which side of the ray each edge lies, and how far, is a barycentric coordinate up to a common factor.
         edges = ((b, c), (c, a), (a, b))
@@ -287,6 +289,8 @@ def _triangle_fragments(
             continue
         depth = parameter[mask]
         shading = coordinates[mask] @ normals
-        shading = shading / np.linalg.norm(shading, axis=1, keepdims=True)
-        weight = np.where(depth >= view.near, triangles.weight, 0.0)
+        length = np.linalg.norm(shading, axis=1, keepdims=True)
+        shading = np.divide(shading, length, out=np.zeros_like(shading), where=length > 0.0)
+        share = facing_away if height > 0.0 else 1.0
+        weight = np.where(depth >= view.near, share * triangles.weight, 0.0)
         yield Fragments(mask, depth, pushed[mask], weight, shading)

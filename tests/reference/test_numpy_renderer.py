@@ -51,14 +51,20 @@ def test_hits_of_a_tilted_disc_lie_on_it_and_fill_its_solid_angle() -> None:
     normal = np.array([0.48, -0.6, 0.64])
     picture = render(OBLIQUE, discs([[0.2, 0.1, -0.1]], [normal], [0.7]), None, bell)
     drawn = picture.coverage == 1.0
-    points = pixel_rays(OBLIQUE).directions[drawn] * picture.depth[drawn][:, None] @ OBLIQUE.eye_from_model[:3, :3] + OBLIQUE.eye
+    points = (
+        pixel_rays(OBLIQUE).directions[drawn] * picture.depth[drawn][:, None] @ OBLIQUE.eye_from_model[:3, :3]
+        + OBLIQUE.eye
+    )
     offset = points - [0.2, 0.1, -0.1]
     assert np.allclose(offset @ normal, 0.0, atol=1e-12)
     distance = np.linalg.norm(offset, axis=1)
     assert distance.max() <= 0.7
     assert np.allclose(picture.weight[drawn], np.exp(-2.0 * (distance / 0.7) ** 2))
     # Pixels are equal patches of the image plane: their pre-images on the disc add up to its area.
-    depth, slope = picture.depth[drawn], np.abs(pixel_rays(OBLIQUE).directions[drawn] @ (OBLIQUE.eye_from_model[:3, :3] @ normal))
+    depth, slope = (
+        picture.depth[drawn],
+        np.abs(pixel_rays(OBLIQUE).directions[drawn] @ (OBLIQUE.eye_from_model[:3, :3] @ normal)),
+    )
     assert (depth**2 / slope).sum() / OBLIQUE.focal_pixels**2 == pytest.approx(math.pi * 0.49, rel=0.02)
 
 
@@ -125,7 +131,10 @@ def test_tile_coordinates_run_along_the_tangents() -> None:
     one = discs([centre], [rotation[2]], [radius], o1=rotation[:1], o2=rotation[1:2], tile_normals=remember)
     picture = render(OBLIQUE, one, None, bell)
     drawn = picture.coverage == 1.0
-    points = pixel_rays(OBLIQUE).directions[drawn] * picture.depth[drawn][:, None] @ OBLIQUE.eye_from_model[:3, :3] + OBLIQUE.eye
+    points = (
+        pixel_rays(OBLIQUE).directions[drawn] * picture.depth[drawn][:, None] @ OBLIQUE.eye_from_model[:3, :3]
+        + OBLIQUE.eye
+    )
     assert drawn.sum() > 50
     assert np.allclose(seen["points"], points)
 

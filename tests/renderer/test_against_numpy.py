@@ -1,8 +1,4 @@
-"""Small pictures against the plain numpy renderer with the same equations.
-
-Rasterisers place corners on a grid of 1/256 pixel, so where a shift of the picture by that little changes what numpy
-draws, or where a fragment is about as deep as the visible surface, rounding decides: those pixels are not compared.
-"""
+"""Small pictures against the plain numpy renderer with the same equations."""
 
 from __future__ import annotations
 
@@ -12,99 +8,28 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy_renderer import Discs, Picture, bilinear_tile, render
-from numpy_renderer import Triangles as NumpyTriangles
+from frame_in_numpy import DEPTH_RELATIVE, compare, numpy_picture
+from numpy_renderer import Picture
 
-from benchmarks.error import angle_degrees
 from hierarchy.boxes import TURN_STEP, TURNS, WHOLE_DISC
 from hierarchy.build import build_hierarchy
-from hierarchy.encoding import decode_hemisphere
-from hierarchy.frames import tangents
 from hierarchy.hierarchy import SPLAT, Hierarchy
-from hierarchy.kernel import SHARPNESS
-from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut
 from hierarchy.model import PointCloud
 from hierarchy.normal_tiles import LAYER_SIZE, NormalTiles, bake_tiles
 from hierarchy.view import View, look_at
 from renderer.frame import Frame
 from renderer.settings import Settings
-from renderer.splat_passes import EPSILON, GROW, MARGIN, SINK, SMALLEST
 
 Draw = Callable[..., tuple[Frame, Cut]]
 
-# Bounds. Sums in half floats keep 11 bits: 0.03 degrees for one addition, and some ten of them meet in a pixel.
+# Bounds. Of sums of float32; what a corner on the grid of 1/256 pixel changes counts, too.
 NORMAL_DEGREES = 0.1
 # Texture filters have 8 bits between two texels, and llvmpipe gives bytes again: twice what the encoding itself loses
 # (0.24 degrees in the mean, 0.55 at worst).
 TILE_MEAN_DEGREES, TILE_P95_DEGREES, TILE_MAX_DEGREES = 0.3, 0.6, 1.1
-# Of the depth, besides what the shift by SHIFT changes.
-DEPTH_RELATIVE = 2e-5
-# Pixels; and share of the depth by which fragments must clear the visible surface.
-SHIFT = 1.0 / 256.0
-CLEAR = 1e-4
 # Pixels of a picture that may differ all the same: rims that none of four shifts crosses. There are none today.
 OUTLIERS = 2
-
-
-def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, whole: bool) -> Discs:
-    """Return the splats of a cut as the equations of the passes have them; `whole` discs or their rectangles."""
-    splats = hierarchy.splats[cut.splats]
-    normals, radii = splats["normal"].astype(np.float64), splats["radius"].astype(np.float64)
-    thickness = splats["thickness"].astype(np.float64)
-    silhouette = np.arange(len(splats)) < cut.silhouette_splats
-    sink = np.where(silhouette, SINK * thickness, 0.0)
-    frames = np.array([tangents(*normal) for normal in normals]).reshape(-1, 6)
-    o1, o2 = frames[:, :3], frames[:, 3:]
-
-    def tile_normals(i: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        node = int(cut.splats[i])
-        if tiles is None or node >= len(tiles.tile_of_node) or tiles.tile_of_node[node] < 0:
-            return np.broadcast_to(normals[i], (len(u), 3))
-        codes = tiles.normal_codes(int(tiles.tile_of_node[node]))
-        local = decode_hemisphere(bilinear_tile(codes.astype(np.float64), u, v))
-        return local @ np.stack([o1[i], o2[i], normals[i]])
-
-    centres = splats["centre"] - sink[:, None] * normals
-    depths = -(centres @ view.eye_from_model[2, :3] + view.eye_from_model[2, 3])
-    pixels = (1.0 if view.is_parallel else np.maximum(depths, 0.0)) / view.focal_pixels + 0.0 * depths
-    boxes = splats["box"].astype(np.float64)
-    turns = np.rint(boxes[:, 3] / TURN_STEP)
-    boxes[:, 3] -= TURN_STEP * turns
-    margins = ((MARGIN[0] * pixels + MARGIN[1] * thickness) / radii)[:, None] * [-1, 1, -1, 1]
-    return Discs(
-        centres,
-        normals,
-        np.maximum(radii + np.where(silhouette, 0.0, GROW * pixels), SMALLEST * pixels),
-        EPSILON[0] * thickness + EPSILON[1] * radii,
-        o1,
-        o2,
-        tile_normals,
-        None if whole else np.clip(boxes + margins, -1.0, 1.0),
-        0.5 * np.pi * turns / TURNS,
-    )
-
-
-def numpy_picture(
-    hierarchy: Hierarchy,
-    tiles: NormalTiles | None,
-    cut: Cut,
-    view: View,
-    offset: tuple[float, float] = (0.0, 0.0),
-    whole: bool = False,
-) -> Picture:
-    triangles, leaves = None, hierarchy.leaves
-    if isinstance(leaves, Triangles):
-        corners, normals = (array[cut.indices].astype(np.float64) for array in (leaves.positions, leaves.normals))
-        triangles = NumpyTriangles(corners, normals, np.full(len(corners), 1.0 / view.focal_pixels))
-    return render(
-        view,
-        numpy_discs(hierarchy, tiles, cut, view, whole),
-        triangles,
-        lambda rho2: np.exp(-SHARPNESS * rho2),
-        close_cracks=True,
-        offset=offset,
-    )
 
 
 def assert_same(
@@ -118,29 +43,18 @@ def assert_same(
     whole: bool = False,
 ) -> Picture:
     """Compare a frame with numpy's at the pixels where rounding decides nothing; at least this share of them all."""
-    picture = numpy_picture(hierarchy, tiles, cut, view, whole=whole)
-    # Depths of a frame are counted from the camera's position.
-    frame = dataclasses.replace(frame, depth=frame.depth - np.float32(view.depth_of_eye))
-    drawn = picture.coverage > 0.0
-    stable = np.where(drawn, picture.margin > CLEAR * np.where(drawn, picture.depth, 1.0), True)
-    bound = np.where(drawn, DEPTH_RELATIVE * picture.depth, 0.0)
-    for offset in ((SHIFT, SHIFT), (SHIFT, -SHIFT), (-SHIFT, SHIFT), (-SHIFT, -SHIFT)):
-        shifted = numpy_picture(hierarchy, tiles, cut, view, offset, whole)
-        both = drawn & (shifted.coverage > 0.0)
-        turned = both & (angle_degrees(shifted.normal, picture.normal) > 0.25)
-        stable &= (drawn == (shifted.coverage > 0.0)) & ~turned
-        bound[both] += np.abs(shifted.depth[both] - picture.depth[both])
+    found = compare(frame, hierarchy, tiles, cut, view, whole=whole)
+    drawn, stable = found.drawn, found.stable
     assert drawn.sum() > 40
     assert stable[drawn].mean() > compared
-    assert (frame.coverage != picture.coverage)[stable].sum() <= OUTLIERS
-    here = stable & drawn & (frame.coverage > 0.0)
-    degrees = angle_degrees(frame.normal[here], picture.normal[here])
+    assert found.miscovered.sum() <= OUTLIERS
     if tiles is not None:
+        degrees = found.degrees[stable & drawn & (frame.coverage > 0.0)]
         assert degrees.mean() < TILE_MEAN_DEGREES
         assert np.percentile(degrees, 95) < TILE_P95_DEGREES
-    assert (degrees > (NORMAL_DEGREES if tiles is None else TILE_MAX_DEGREES)).sum() <= OUTLIERS
-    assert (np.abs(frame.depth[here] - picture.depth[here]) > bound[here]).sum() <= OUTLIERS
-    return picture
+    assert (found.degrees > (NORMAL_DEGREES if tiles is None else TILE_MAX_DEGREES)).sum() <= OUTLIERS
+    assert (found.depth_excess > DEPTH_RELATIVE).sum() <= OUTLIERS
+    return found.picture
 
 
 def around(

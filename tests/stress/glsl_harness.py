@@ -145,7 +145,8 @@ class Stage:
         vertex = shader_source("splat.vert").replace(
             "void main()\n{", "flat out int v_index;\nvoid main()\n{\n    v_index = int(in_splat);", 1
         )
-        fragment = shader_source("include/disc_point.glsl") + (
+        includes = ("project.glsl", "axis_distance.glsl", "disc_point.glsl")
+        fragment = "".join(shader_source(f"include/{name}") for name in includes) + (
             "flat in int v_index;\nlayout(location = 0) out vec4 result;\nvoid main()\n{\n"
             "    DiscPoint point = disc_point();\n    if (dot(point.at, point.at) > 1.0) discard;\n"
             "    result = vec4(point.at, point.distance, 1.0 + float(v_index));\n}\n"

@@ -18,7 +18,7 @@ from renderer.settings import Settings
 def draw(ctx: moderngl.Context, renderer: Renderer, break_normals: bool, **settings: object) -> list[str]:
     hierarchy = build_hierarchy(bumpy_sphere(3))
     if break_normals:
-        hierarchy.leaves.normals[::7] = np.nan
+        hierarchy.leaves.normals[::7] = np.inf
     renderer.set_hierarchy(hierarchy)
     view = look_at((1, 2, 3), (0, 0, 0), (0, 1, 0), 0.7, (48, 40), bounds=hierarchy.bounds)
     framebuffer = ctx.simple_framebuffer((48, 40))
