@@ -11,7 +11,7 @@ import math
 import numba as nb
 import numpy as np
 
-from hierarchy.enclosing import CAP_INSIDE, MAX_PASSES, cap_with_pivot
+from hierarchy.enclosing import INSIDE, MAX_PASSES, MAX_STALLS, RIGHT_ANGLE, cap_with_pivot
 from hierarchy.model import Float32Array, Int32Array
 
 # cone_cos of a cone that contains everything (half-angle >= 90 degrees).
@@ -22,32 +22,34 @@ EVERYTHING = -1.0
 def bounding_cap(vectors, cap):  # type: ignore[no-untyped-def]
     """Write axis and cosine of the smallest cap around unit vectors, float64 (N, 3), to cap, float64 (4,).
 
-    The cosine is the lowest that was measured to any of the vectors. It is EVERYTHING where no cap below 90 degrees
-    holds them; the axis is then vectors[0].
+    The cosine is that of the vector measured to be farthest from the axis. It is EVERYTHING where no cap below 90
+    degrees holds them; the axis is then vectors[0].
     """
     support = np.empty((4, 3), np.float64)
     support[0] = cap[:3] = vectors[0]
-    cap[3] = 1.0
-    count = 1
-    best, x, y, z = 0.0, cap[0], cap[1], cap[2]
+    cap[3] = 0.0
+    count, stalls = 1, 0
+    best, x, y, z = RIGHT_ANGLE, cap[0], cap[1], cap[2]
     for _ in range(MAX_PASSES):
-        lowest, farthest = 2.0, 0
+        largest, farthest = -1.0, 0
         for i in range(len(vectors)):
-            cosine = vectors[i, 0] * cap[0] + vectors[i, 1] * cap[1] + vectors[i, 2] * cap[2]
-            if cosine < lowest:
-                lowest, farthest = cosine, i
-        # Any axis makes a cap with its lowest cosine: rounding in a step cannot lose more than the step.
-        if lowest > best:
-            best, x, y, z = lowest, cap[0], cap[1], cap[2]
-        narrowest = cap[3]
-        if lowest >= narrowest - CAP_INSIDE:
+            dx, dy, dz = vectors[i, 0] - cap[0], vectors[i, 1] - cap[1], vectors[i, 2] - cap[2]
+            d2 = dx * dx + dy * dy + dz * dz
+            if d2 > largest:
+                largest, farthest = d2, i
+        # Any axis makes a cap with what is farthest from it: rounding in a step cannot lose more than the step.
+        if largest < best:
+            best, x, y, z = largest, cap[0], cap[1], cap[2]
+        least = cap[3]
+        if largest <= least * (1.0 + INSIDE) or stalls == MAX_STALLS:
             break
         support[count] = vectors[farthest]
         count = cap_with_pivot(support, count + 1, cap)
-        if count == 0 or cap[3] >= narrowest:
+        if count == 0:
             break
-    if best > 0.0:
-        cap[0], cap[1], cap[2], cap[3] = x, y, z, min(best, 1.0)
+        stalls += cap[3] <= least
+    if best < RIGHT_ANGLE:
+        cap[0], cap[1], cap[2], cap[3] = x, y, z, 1.0 - 0.5 * best
     else:
         cap[:3] = vectors[0]
         cap[3] = EVERYTHING

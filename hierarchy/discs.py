@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.boxes import tight_box
-from hierarchy.enclosing import INSIDE, MAX_PASSES, circle_with_pivot
+from hierarchy.enclosing import INSIDE, MAX_PASSES, MAX_STALLS, circle_with_pivot
 from hierarchy.frames import tangents
 from hierarchy.leaves import SURFEL_CORNERS, LeafShapes, corner
 from hierarchy.model import Float32Array, Int32Array
@@ -48,7 +48,7 @@ def enclosing_circle(points, circle):  # type: ignore[no-untyped-def]
     ox, oy = points[0, 0], points[0, 1]
     support = np.zeros((4, 2), np.float64)
     circle[:] = 0.0
-    count = 1
+    count, stalls = 1, 0
     best, x, y = np.inf, 0.0, 0.0
     for _ in range(MAX_PASSES):
         farthest, largest = 0, -1.0
@@ -61,12 +61,11 @@ def enclosing_circle(points, circle):  # type: ignore[no-untyped-def]
         if largest < best:
             best, x, y = largest, circle[0], circle[1]
         least = circle[2]
-        if largest <= least * (1.0 + INSIDE):
+        if largest <= least * (1.0 + INSIDE) or stalls == MAX_STALLS:
             break
         support[count, 0], support[count, 1] = points[farthest, 0] - ox, points[farthest, 1] - oy
         count = circle_with_pivot(support, count + 1, circle)
-        if circle[2] <= least:
-            break
+        stalls += circle[2] <= least
     circle[0], circle[1], circle[2] = x + ox, y + oy, best
 
 

@@ -18,12 +18,15 @@ import math
 import numba as nb
 import numpy as np
 
-# Relative slack for "is inside" a circle, of squared distances: a hundred times the rounding of doubles.
-INSIDE = 1e-13
-# The same for cosines of caps; 2e-15 is 6e-8 radians where they are narrowest.
-CAP_INSIDE = 2e-15
+# Relative slack for "is inside", of squared distances: ten times the rounding of doubles.
+INSIDE = 2e-15
 # Ten times what is typical; a guard against cycling on rounding.
 MAX_PASSES = 64
+# A point that lies just outside moves the centre by as much, but the radius by its square, which rounding may swallow.
+# So many times the radius may stay as it was.
+MAX_STALLS = 8
+# The squared distance of unit vectors at 90 degrees.
+RIGHT_ANGLE = 2.0
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -79,12 +82,13 @@ def circle_with_pivot(support, count, circle):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _lowest(vectors, count, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the lowest cosine between the first `count` vectors and an axis."""
-    lowest = 2.0
+def _reach_on_sphere(vectors, count, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the largest squared distance of the first `count` unit vectors from an axis, 2 minus twice the cosine."""
+    largest = 0.0
     for k in range(count):
-        lowest = min(lowest, vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z)
-    return lowest
+        dx, dy, dz = vectors[k, 0] - x, vectors[k, 1] - y, vectors[k, 2] - z
+        largest = max(largest, dx * dx + dy * dy + dz * dz)
+    return largest
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -109,19 +113,22 @@ def cap_with_pivot(support, count, cap):  # type: ignore[no-untyped-def]
     """Find the smallest cap around `count` unit vectors, the last of which lies on its rim.
 
     support : float64 (4, 3), the first `count` rows are in use, 2..4; reordered: the new support comes first
-    cap : float64 (4,), receives the axis and the cosine of the half-angle, the lowest of the support
+    cap : float64 (4,), receives the axis and the largest squared distance of the support from it. Unlike a cosine that
+        tells the narrowest caps apart
     Returns the new number of support vectors, 2 or 3, or 0 where no cap below 90 degrees holds them.
     """
     p = count - 1
-    best = 0.0
+    best = RIGHT_ANGLE
     first, second = -1, -1
     px, py, pz = support[p, 0], support[p, 1], support[p, 2]
     for i in range(p):
         x, y, z = _between(px, py, pz, support[i, 0], support[i, 1], support[i, 2])
-        cosine = _lowest(support, count, x, y, z)
-        if cosine > best:
-            best, first, second = cosine, i, -1
-            cap[0], cap[1], cap[2], cap[3] = x, y, z, cosine
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        reach = _reach_on_sphere(support, count, x, y, z)
+        if reach < best:
+            best, first, second = reach, i, -1
+            cap[0], cap[1], cap[2], cap[3] = x, y, z, reach
     for i in range(p):
         for j in range(i + 1, p):
             ax, ay, az = support[i, 0] - px, support[i, 1] - py, support[i, 2] - pz
@@ -133,10 +140,10 @@ def cap_with_pivot(support, count, cap):  # type: ignore[no-untyped-def]
             # Whichever way round the three run, the axis is on their side.
             norm = math.copysign(norm, x * px + y * py + z * pz)
             x, y, z = x / norm, y / norm, z / norm
-            cosine = _lowest(support, count, x, y, z)
-            if cosine > best:
-                best, first, second = cosine, i, j
-                cap[0], cap[1], cap[2], cap[3] = x, y, z, cosine
+            reach = _reach_on_sphere(support, count, x, y, z)
+            if reach < best:
+                best, first, second = reach, i, j
+                cap[0], cap[1], cap[2], cap[3] = x, y, z, reach
     if first < 0:
         return 0
     ax, ay, az = support[first, 0], support[first, 1], support[first, 2]

@@ -35,6 +35,7 @@ def decode_hemisphere(code: UInt8Array) -> Float64Array:
     """Return the unit vectors, float64 (..., 3), of byte pairs, uint8 (..., 2)."""
     e = (code.astype(np.float64) - BYTE_ZERO) / BYTE_SCALE
     x, y = 0.5 * (e[..., 0] + e[..., 1]), 0.5 * (e[..., 0] - e[..., 1])
-    v = np.stack([x, y, 1.0 - np.abs(x) - np.abs(y)], axis=-1)
+    # Half of |a + b| + |a - b| is the larger of |a| and |b|: so no rounding takes a normal below the rim.
+    v = np.stack([x, y, 1.0 - np.abs(e).max(axis=-1)], axis=-1)
     unit: Float64Array = v / np.linalg.norm(v, axis=-1, keepdims=True)
     return unit

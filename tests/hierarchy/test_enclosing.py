@@ -27,7 +27,8 @@ def cap_step(vectors):
     support, cap = np.zeros((4, 3)), np.zeros(4)
     support[: len(vectors)] = vectors
     count = cap_with_pivot(support, len(vectors), cap)
-    return support[:count], cap
+    # The last is a squared distance from the axis; here, its cosine.
+    return support[:count], np.append(cap[:3], 1.0 - 0.5 * cap[3])
 
 
 def unit(v):
