@@ -11,14 +11,13 @@ from small_models import bumpy_sphere
 from hierarchy.build import build_hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.view import look_at
+from renderer import programs as renderer_programs
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 
 
-def draw(ctx: moderngl.Context, renderer: Renderer, break_normals: bool, **settings: object) -> list[str]:
+def draw(ctx: moderngl.Context, renderer: Renderer, **settings: object) -> list[str]:
     hierarchy = build_hierarchy(bumpy_sphere(3))
-    if break_normals:
-        hierarchy.leaves.normals[::7] = np.inf
     renderer.set_hierarchy(hierarchy)
     view = look_at((1, 2, 3), (0, 0, 0), (0, 1, 0), 0.7, (48, 40), bounds=hierarchy.bounds)
     framebuffer = ctx.simple_framebuffer((48, 40))
@@ -37,16 +36,24 @@ def draw(ctx: moderngl.Context, renderer: Renderer, break_normals: bool, **setti
 def test_a_scan_finds_nothing_in_an_ordinary_frame(
     ctx: moderngl.Context, renderer: Renderer, settings: dict[str, object]
 ) -> None:
-    assert draw(ctx, renderer, False, **settings) == []
+    assert draw(ctx, renderer, **settings) == []
 
 
-def test_a_scan_finds_normals_that_are_not_numbers(ctx: moderngl.Context, renderer: Renderer) -> None:
-    # The resolve takes the view ray for a normal that is none, so the picture does not show it.
-    assert [line.split(":")[0] for line in draw(ctx, renderer, True)] == ["sum of normal"]
+def test_a_scan_finds_sums_that_are_not_numbers(
+    ctx: moderngl.Context, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = renderer_programs.shader_source
+
+    def broken(name: str) -> str:
+        return read(name).replace("sum_normal = vec4(norm", "weight *= sqrt(-weight); sum_normal = vec4(norm")
+
+    monkeypatch.setattr(renderer_programs, "shader_source", broken)
+    wrong = [line.split(":")[0] for line in draw(ctx, renderer)]
+    assert wrong[:2] == ["sum of normal", "sum of weights"]
 
 
 def test_a_scan_finds_colours_that_are_not_numbers(ctx: moderngl.Context, renderer: Renderer) -> None:
-    wrong = draw(ctx, renderer, False, background_top=(np.nan, 0.0, 0.0))
+    wrong = draw(ctx, renderer, background_top=(np.nan, 0.0, 0.0))
     assert [line.split(":")[0] for line in wrong] == ["picture"]
 
 
