@@ -50,6 +50,7 @@ class Options:
     splat : one of SPLATS
     printed_cone_test : tell the silhouette by the test as printed in the paper
     points : build a point hierarchy from a mesh, too
+    tile_memory : MB (1e6 bytes) of graphics memory that the normal tiles may take, None: all there is
     resolution : width and height in pixels, None: not given
     outputs : files to write (render)
     frames : how many to draw (render)
@@ -69,6 +70,7 @@ class Options:
     normal_mapping: bool = True
     points: bool = False
     texture: Path | None = None
+    tile_memory: int | None = None
     resolution: tuple[int, int] | None = None
     camera: CameraOptions = CameraOptions()
     outputs: tuple[Path, ...] = ()
@@ -77,6 +79,10 @@ class Options:
     clear: bool = False
     json: bool = False
     verbose: bool = False
+
+    @property
+    def tile_bytes(self) -> int | None:
+        return None if self.tile_memory is None else 1_000_000 * self.tile_memory
 
 
 def parse_options(arguments: Sequence[str]) -> Options:
@@ -202,6 +208,10 @@ def _add_picture_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--no-normal-mapping", dest="normal_mapping", action="store_false", help="draw without the normal tiles"
     )
+    group.add_argument(
+        "--tile-memory", metavar="MB", type=option_values.whole(1, 1_000_000),
+        help="most graphics memory that the normal tiles may take (all there is)",
+    )  # fmt: skip
     group.add_argument(
         "--resolution", metavar="W,H", type=option_values.resolution, help="size of the picture in pixels"
     )

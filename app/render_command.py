@@ -58,7 +58,9 @@ def run_render(options: Options) -> None:
 def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, Statistic]:
     """Draw a scene in a context of its own, write the outputs and return the statistics."""
     from renderer.context import create_headless_context
+    from renderer.limits import probe_limits
     from renderer.renderer import Renderer
+    from renderer.targets import make_picture
 
     shot, radii, texels = _prepare(scene, options, reporter)
     if options.normal_mapping:
@@ -67,15 +69,16 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
     ctx = create_headless_context()
     try:
         with graphics_errors():
-            renderer = Renderer(ctx)
+            renderer = Renderer(ctx, probe_limits(ctx, options.tile_bytes))
             renderer.set_hierarchy(shot.scene.hierarchy)
             renderer.set_tiles(shot.scene.tiles)
-            framebuffer = ctx.simple_framebuffer((shot.view.width, shot.view.height))
+            framebuffer = make_picture(ctx, renderer.limits, (shot.view.width, shot.view.height))
             coarseness = 1.0 if options.fps is None else _settle(renderer, framebuffer, shot, radii, options.fps)
             radii = coarsened(radii[0], coarseness), coarsened(radii[1], coarseness)
             cut, times = draw_frames(renderer, framebuffer, shot, radii, options.frames)
             if options.fps is not None:
                 _warn_of_rate(times, options.fps, reporter)
+            reporter.warnings(renderer.shortcomings)
             statistics = scene_statistics(shot.scene) | frame_statistics(cut, times, renderer, ctx)
             picture = read_picture(framebuffer)
             # The arrays take another two passes.
@@ -95,6 +98,7 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
 
 def _prepare(scene: Scene, options: Options, reporter: Reporter) -> tuple[Shot, Radii, int]:
     """Return what shall be drawn, the radii in full detail and the texels along one side of a tile."""
+    from hierarchy.inside import eye_is_inside
     from renderer.settings import Settings
 
     resolution = options.resolution or DEFAULT_RESOLUTION
@@ -102,10 +106,9 @@ def _prepare(scene: Scene, options: Options, reporter: Reporter) -> tuple[Shot, 
         view = view_of_pose(frame_scene(scene, options.camera, resolution), scene, resolution)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    # The inside of an open surface shows; a closed one's does not.
-    settings = Settings(
-        normal_mapping=options.normal_mapping, splat=options.splat, two_sided=not scene.hierarchy.closed
-    )
+    # The inside of an open surface shows; a closed one's does not but to an eye that is there.
+    two_sided = not scene.hierarchy.closed or eye_is_inside(scene.hierarchy, view)
+    settings = Settings(normal_mapping=options.normal_mapping, splat=options.splat, two_sided=two_sided)
     shot = Shot(scene, view, settings, options.printed_cone_test)
     if options.max_error is None:
         return shot, (options.r_sil, options.r_inner), options.texels

@@ -14,10 +14,12 @@ from app.export import read_picture
 from app.scene import Scene
 from app.state import STAGES, FrameReport
 from app.viewer import Viewer
+from hierarchy.inside import eye_is_inside
 from hierarchy.lod import select_cut
-from renderer.allocation import GpuError, allocating
+from renderer.allocation import GpuError
 from renderer.limits import probe_limits
 from renderer.renderer import Renderer
+from renderer.targets import make_picture, release_picture
 
 
 class Viewport:
@@ -85,16 +87,20 @@ class Viewport:
         state, steering, target = viewer.state, viewer.steering, self._framebuffer()
         start = time.perf_counter()
         view = viewer.view(self.size)
+        settings = state.settings
+        if eye_is_inside(scene.hierarchy, view):
+            # Where a closed surface shows nothing but its back.
+            settings = replace(settings, two_sided=True)
         cut = select_cut(
             scene.hierarchy,
             view,
             steering.r_sil,
             steering.r_inner,
-            two_sided=state.settings.two_sided,
+            two_sided=settings.two_sided,
             printed_cone_test=state.printed_cone_test,
         )
         selected = time.perf_counter()
-        self._renderer.draw(cut, view, state.settings, target)
+        self._renderer.draw(cut, view, settings, target)
         self._ctx.finish()
         end = time.perf_counter()
         self._keep(target)
@@ -134,19 +140,17 @@ class Viewport:
 
     def shortcoming(self, scene: Scene) -> str:
         """Say what the graphics card does not do for a scene that was drawn, once for its tiles; "": nothing."""
-        limits, untiled = self._renderer.limits, self._renderer.untiled
-        if self._told is scene.tiles or (limits.float_blending and untiled == 0):
+        said = "; ".join(self._renderer.shortcomings)
+        if self._told is scene.tiles or not said:
             return ""
         self._told = scene.tiles
-        if untiled:
-            return f"No room for the tiles of {untiled:,} splats, which have one normal each; a smaller w_s helps"
-        return "This graphics card cannot add up floats: splats are not blended"
+        return said[:1].upper() + said[1:]
 
     def release(self) -> None:
         """Give back what is held on the GPU."""
         self._renderer.release()
         if self._target is not None:
-            _release(self._target)
+            release_picture(self._target)
             self._target = None
 
     def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
@@ -158,18 +162,9 @@ class Viewport:
         """Return what to draw into: where the size is another one, not what holds the last picture."""
         if self._target is not None and self._target.size == self.size:
             return self._target
-        with allocating(self._ctx, "a picture of {} x {} pixels".format(*self.size)) as held:
-            # No depth: OpenGL refuses to copy it to a window whose depth has another format.
-            return held.add(self._ctx.framebuffer([held.add(self._ctx.renderbuffer(self.size, 4))]))
+        return make_picture(self._ctx, self._renderer.limits, self.size)
 
     def _keep(self, target: moderngl.Framebuffer) -> None:
         if self._target is not None and self._target is not target:
-            _release(self._target)
+            release_picture(self._target)
         self._target = target
-
-
-def _release(framebuffer: moderngl.Framebuffer) -> None:
-    attachments = framebuffer.color_attachments
-    framebuffer.release()
-    for attachment in attachments:
-        attachment.release()

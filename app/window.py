@@ -55,7 +55,7 @@ class ViewerWindow(WindowConfig):
         self._window = wnd
         self._verbose = options.verbose
         self._gui = Gui(wnd)
-        self._viewport = Viewport(ctx)
+        self._viewport = Viewport(ctx, options.tile_bytes)
         self._viewer = Viewer(options, wake, self._viewport.upload, user_cache(options, self._say))
         self._gestures = Gestures(self._viewport.depth_at)
         self._chooser = FileChooser()

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
+from renderer.allocation import GpuError
+
 # Two draws of 1 into floats of both widths that the sums have: 2 where they blend.
 _VERTEX = """#version 330 core
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
@@ -34,6 +36,11 @@ class Limits:
     picture_size: tuple[int, int]
     float_blending: bool = True
     tile_bytes: int | None = None
+
+    def check_picture(self, size: tuple[int, int]) -> None:
+        """Raise GpuError where a picture of a width and a height is larger than can be drawn."""
+        if size[0] > self.picture_size[0] or size[1] > self.picture_size[1]:
+            raise GpuError("{} x {} pixels are too many: {} x {} can be drawn".format(*size, *self.picture_size))
 
 
 def probe_limits(ctx: moderngl.Context, tile_bytes: int | None = None) -> Limits:

@@ -11,7 +11,6 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View, screen_box
-from renderer.allocation import GpuError
 from renderer.buffers import SplatBuffers, TileTextures
 from renderer.frame import Frame
 from renderer.limits import Limits, probe_limits
@@ -166,9 +165,16 @@ class Renderer:
         return self._timers.milliseconds
 
     @property
-    def untiled(self) -> int:
-        """Splats of the last frame that were drawn with one normal each, as there was no room for their tiles."""
-        return 0 if self._tiles is None else self._tiles.untiled
+    def shortcomings(self) -> list[str]:
+        """What the last frame lacks for want of memory or of what the graphics card can do, a line each."""
+        lines = []
+        if self._tiles is not None and self._tiles.untiled:
+            lines.append(
+                f"no room for the tiles of {self._tiles.untiled:,} splats, which are drawn with one normal each"
+            )
+        if not self.limits.float_blending:
+            lines.append("this graphics card cannot add up floats: splats are not blended")
+        return lines
 
     @property
     def gpu_bytes(self) -> int:
@@ -215,9 +221,8 @@ class Renderer:
         return self._targets
 
     def _make_targets(self, view: View, color: bool, depth: bool, tint: bool = False) -> Targets:
-        size, most = (view.width, view.height), self.limits.picture_size
-        if size[0] > most[0] or size[1] > most[1]:
-            raise GpuError("a picture of {} x {} pixels; this graphics card draws {} x {}".format(*size, *most))
+        size = (view.width, view.height)
+        self.limits.check_picture(size)
         return Targets(self._ctx, size, color=color, depth=depth, tint=tint)
 
     def _pass(self, kind: str, variant: Variant, targets: Targets) -> SplatPass:

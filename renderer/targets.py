@@ -5,6 +5,27 @@ from __future__ import annotations
 import moderngl
 
 from renderer.allocation import allocating
+from renderer.limits import Limits
+
+
+def make_picture(ctx: moderngl.Context, limits: Limits, size: tuple[int, int]) -> moderngl.Framebuffer:
+    """Return a framebuffer to draw pictures into; `release_picture` gives it back.
+
+    size : width and height in pixels
+    Raises GpuError where it is too large.
+    """
+    limits.check_picture(size)
+    with allocating(ctx, "a picture of {} x {} pixels".format(*size)) as held:
+        # No depth: OpenGL refuses to copy it to a window whose depth has another format.
+        return held.add(ctx.framebuffer([held.add(ctx.renderbuffer(size, 4))]))
+
+
+def release_picture(framebuffer: moderngl.Framebuffer) -> None:
+    """Give back what `make_picture` made."""
+    attachments = framebuffer.color_attachments
+    framebuffer.release()
+    for attachment in attachments:
+        attachment.release()
 
 
 class Targets:
