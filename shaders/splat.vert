@@ -96,9 +96,10 @@ void main()
     mat3 rotation = mat3(eye_from_model);
     vec3 o1, o2, plane = splat.normal;
     tangents(splat.normal, o1, o2);
-    // Nor what is small and seen edge-on: below the size of a pixel a disc faces the eye, whole and without a tile.
-    bool tiny = splat.radius < smallest * pixel;
-    if (tiny) {
+    // Nor what is small and seen edge-on: below the size of a pixel a disc faces the eye, whole and without a tile. So
+    // does one without a normal.
+    bool turned = splat.radius < smallest * pixel || dot(splat.normal, splat.normal) < 0.5;
+    if (turned) {
         mat3 axes = transpose(rotation);
         o1 = axes[0];
         o2 = axes[1];
@@ -127,7 +128,7 @@ void main()
     v_push = push_of_depth;
 #else
     v_disc = box_corner(splat, gl_VertexID, (margin.x * pixel + margin.y * splat.thickness) / max(splat.radius, 1e-30));
-    if (tiny) v_disc = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    if (turned) v_disc = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
     gl_Position = pushed(project(splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2)), push_of_depth);
 #endif
 #if defined(SPRITE) || !defined(VISIBILITY)
@@ -145,7 +146,7 @@ void main()
 #endif
 #ifdef NORMAL_MAPPING
     v_tile = vec3(0.0, 0.0, -1.0);
-    if (in_tile >= 0 && !tiny) {
+    if (in_tile >= 0 && !turned) {
         int side = layer_size / tile_texels;
         vec2 corner = vec2(in_tile % side, (in_tile / side) % side) * float(tile_texels);
         v_tile = vec3((corner + 0.5 * float(tile_texels)) / float(layer_size), float(in_tile / (side * side)));

@@ -44,17 +44,17 @@ def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view:
     depths = -(centres @ view.eye_from_model[2, :3] + view.eye_from_model[2, 3])
     pixels = (1.0 if view.is_parallel else np.maximum(depths, 0.0)) / view.focal_pixels + 0.0 * depths
 
-    # Below the size of a pixel a disc faces the eye, whole and without a tile.
-    tiny = radii < SMALLEST * pixels
+    # Below the size of a pixel a disc faces the eye, whole and without a tile; so does one without a normal.
+    turned = (radii < SMALLEST * pixels) | ((normals**2).sum(axis=1) < 0.5)
     frames = np.array([tangents(*normal) for normal in normals]).reshape(-1, 6)
     o1, o2, planes = (
-        np.where(tiny[:, None], axis, usual)
+        np.where(turned[:, None], axis, usual)
         for axis, usual in zip(view.eye_from_model[:3, :3], (frames[:, :3], frames[:, 3:], normals), strict=True)
     )
 
     def tile_normals(i: int, u: Float64Array, v: Float64Array) -> Float64Array:
         node = int(cut.splats[i])
-        if tiles is None or tiny[i] or node >= len(tiles.tile_of_node) or tiles.tile_of_node[node] < 0:
+        if tiles is None or turned[i] or node >= len(tiles.tile_of_node) or tiles.tile_of_node[node] < 0:
             return np.broadcast_to(normals[i], (len(u), 3))
         codes = tiles.normal_codes(int(tiles.tile_of_node[node]))
         local = decode_hemisphere(bilinear_tile(codes.astype(np.float64), u, v))
@@ -73,7 +73,7 @@ def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view:
         o1,
         o2,
         tile_normals,
-        None if whole else np.where(tiny[:, None], [-1.0, 1.0, -1.0, 1.0], np.clip(boxes + margins, -1.0, 1.0)),
+        None if whole else np.where(turned[:, None], [-1.0, 1.0, -1.0, 1.0], np.clip(boxes + margins, -1.0, 1.0)),
         0.5 * np.pi * turns / TURNS,
         planes,
     )
