@@ -81,10 +81,18 @@ class Viewport:
         assert viewer.scene is not None
         self._tried = self._wanted(viewer)
         with graphics_errors():
-            return self._draw(viewer, viewer.scene)
+            target = self._framebuffer()
+            try:
+                report = self._draw(viewer, viewer.scene, target)
+            except BaseException:
+                if target is not self._target:
+                    release_picture(target)
+                raise
+            self._keep(target)
+            return report
 
-    def _draw(self, viewer: Viewer, scene: Scene) -> FrameReport:
-        state, steering, target = viewer.state, viewer.steering, self._framebuffer()
+    def _draw(self, viewer: Viewer, scene: Scene, target: moderngl.Framebuffer) -> FrameReport:
+        state, steering = viewer.state, viewer.steering
         start = time.perf_counter()
         view = viewer.view(self.size)
         settings = state.settings
@@ -103,7 +111,6 @@ class Viewport:
         self._renderer.draw(cut, view, settings, target)
         self._ctx.finish()
         end = time.perf_counter()
-        self._keep(target)
         stages = {"select": 1e3 * (selected - start), **self._renderer.timings}
         first, second, third, fourth = (float(stages.get(stage, 0.0)) for stage in STAGES)
         return FrameReport(

@@ -89,6 +89,19 @@ class Renderer:
             raise RuntimeError("set_hierarchy comes before draw")
         self._last = None
         settings = settings if self.limits.float_blending else replace(settings, blending=False)
+        try:
+            self._draw(cut, view, settings, framebuffer)
+        except BaseException:
+            # What was interrupted half-way may have any state; moderngl binds anew what was bound before, which must
+            # not be one that is gone.
+            self._leave(framebuffer)
+            self._release_targets()
+            raise
+        self._last = (cut, view, settings, framebuffer)
+
+    def _draw(self, cut: Cut, view: View, settings: Settings, framebuffer: moderngl.Framebuffer) -> None:
+        assert self._hierarchy is not None
+        assert self._buffers is not None
         tint = settings.silhouette_overlay or settings.splat_outlines or settings.lod_colors
         variant = self._variant(settings, view, depth=False, tint=tint)
         targets = self._targets_for(view, variant)
@@ -107,7 +120,6 @@ class Renderer:
             self._resolve.shade(targets, view, settings, has_colors=has_colors, ground=ground, box=box)
             self._ctx.copy_framebuffer(framebuffer, targets.picture_only)
             self._leave(framebuffer)
-        self._last = (cut, view, settings, framebuffer)
 
     def read_arrays(self) -> Frame:
         """Return the frame that was drawn last as arrays; its framebuffer must still hold the picture.
@@ -214,9 +226,7 @@ class Renderer:
     def _targets_for(self, view: View, variant: Variant) -> Targets:
         size, kind = (view.width, view.height), (variant.color, variant.depth, variant.tint)
         if self._targets is None or self._targets.size != size or self._targets.kind != kind:
-            if self._targets is not None:
-                self._targets.release()
-            self._targets = None
+            self._release_targets()
             self._targets = self._make_targets(view, *kind)
         return self._targets
 
@@ -259,6 +269,11 @@ class Renderer:
         self._ctx.enable_only(moderngl.NOTHING)
         self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         self._ctx.depth_func = "<="
+
+    def _release_targets(self) -> None:
+        if self._targets is not None:
+            self._targets.release()
+            self._targets = None
 
     def _release_passes(self) -> None:
         for each in self._passes.values():

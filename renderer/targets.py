@@ -22,7 +22,10 @@ def make_picture(ctx: moderngl.Context, limits: Limits, size: tuple[int, int]) -
 
 def release_picture(framebuffer: moderngl.Framebuffer) -> None:
     """Give back what `make_picture` made."""
-    attachments = framebuffer.color_attachments
+    ctx, attachments = framebuffer.ctx, framebuffer.color_attachments
+    if ctx.fbo is not None and ctx.fbo.glo == framebuffer.glo:
+        # moderngl binds anew what was bound before, which must not be one that is gone.
+        ctx.detect_framebuffer(0).use()
     framebuffer.release()
     for attachment in attachments:
         attachment.release()

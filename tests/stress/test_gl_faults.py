@@ -1,0 +1,232 @@
+"""Graphics cards that hold little, blend no floats, or refuse at any moment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import pytest
+from faulty_context import FaultyContext
+from ledger import Ledger
+
+from app.errors import GraphicsError, graphics_errors
+from hierarchy.build import build_hierarchy
+from hierarchy.hierarchy import Hierarchy
+from hierarchy.lod import select_cut
+from hierarchy.meteoroid import make_meteoroid
+from hierarchy.normal_tiles import NormalTiles, bake_tiles
+from hierarchy.view import View, look_at
+from renderer.allocation import GpuError
+from renderer.context import ContextError, create_headless_context
+from renderer.limits import Limits, blends_floats, probe_limits
+from renderer.renderer import Renderer
+from renderer.settings import Settings
+from renderer.targets import make_picture, release_picture
+from renderer.tile_slots import TileSlots
+
+SIZE = (96, 72)
+SMALL = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator[moderngl.Context]:
+    try:
+        made = create_headless_context()
+    except ContextError as error:
+        pytest.skip(str(error))
+    yield made
+    made.release()
+
+
+@pytest.fixture
+def ctx(context: moderngl.Context) -> Iterator[moderngl.Context]:
+    with context:
+        yield context
+        assert context.error == "GL_NO_ERROR"
+
+
+@pytest.fixture(scope="module")
+def model() -> tuple[Hierarchy, NormalTiles]:
+    """More tiles than one layer of the atlas holds."""
+    hierarchy = build_hierarchy(make_meteoroid(8_000))
+    tiles = bake_tiles(hierarchy, 32)
+    assert len(tiles.normals) > 1
+    return hierarchy, tiles
+
+
+def view_of(hierarchy: Hierarchy, azimuth: float = 0.5, distance: float = 2.4) -> View:
+    eye = distance * np.array([np.sin(azimuth), 0.3, np.cos(azimuth)])
+    return look_at(eye, (0, 0, 0), (0, 1, 0), 0.8, SIZE, bounds=hierarchy.bounds)
+
+
+@contextmanager
+def drawing(ctx: moderngl.Context, limits: Limits, hierarchy: Hierarchy, tiles: NormalTiles) -> Iterator[Callable]:
+    """Give draw(view, settings, r_inner), which returns the picture, and the renderer as draw.renderer."""
+    renderer = Renderer(ctx, limits)
+    renderer.set_hierarchy(hierarchy)
+    renderer.set_tiles(tiles)
+    target = make_picture(ctx, limits, SIZE)
+
+    def draw(view: View, settings: Settings = Settings(), r_inner: float = 8.0) -> np.ndarray:  # noqa: B008
+        renderer.draw(select_cut(hierarchy, view, 1.0, r_inner), view, settings, target)
+        return np.frombuffer(target.read(components=4), np.uint8).reshape(SIZE[1], SIZE[0], 4).astype(int)
+
+    draw.renderer = renderer
+    yield draw
+    release_picture(target)
+    renderer.release()
+
+
+def test_tiles_of_the_cut_are_brought_where_there_is_room_for_no_more(ctx, model, ledger: Ledger, amount) -> None:
+    hierarchy, tiles = model
+    layer = tiles.normals[0].nbytes
+    views = [view_of(hierarchy, azimuth) for azimuth in np.linspace(0.0, 6.0, amount(4, 200))]
+    # Back to the first ones, whose tiles have had to make room.
+    views += views[:2]
+    with drawing(ctx, SMALL, hierarchy, tiles) as draw:
+        expected = [draw(view) for view in views]
+    with drawing(ctx, replace(SMALL, tile_bytes=layer), hierarchy, tiles) as draw:
+        drawn = [draw(view) for view in views]
+        assert draw.renderer.shortcomings == []
+        assert draw.renderer._tiles.nbytes == layer
+    worst = max(np.abs(one - other).max() for one, other in zip(drawn, expected, strict=True))
+    # A texel's place in the texture may turn the rounding of its filter.
+    ledger.record(
+        "faults", "memory for tiles", "one layer of the atlas for a model with several, an orbit", cases=len(views),
+        worst=worst, bound=1, unit="grey levels",
+    )  # fmt: skip
+
+
+def test_more_tiles_in_one_frame_than_there_is_room_for(ctx, model) -> None:
+    hierarchy, tiles = model
+    near, limits = view_of(hierarchy), replace(SMALL, tile_bytes=1)
+    with drawing(ctx, SMALL, hierarchy, tiles) as draw:
+        whole = draw(near)
+        plain = draw(near, Settings(normal_mapping=False))
+    with drawing(ctx, limits, hierarchy, tiles) as draw:
+        # Room for four tiles, those of the four largest nodes.
+        draw.renderer._tiles._slots = TileSlots(tiles.count, 4)
+        before = draw(near)
+        (line,) = draw.renderer.shortcomings
+        assert "one normal each" in line
+        draw(view_of(hierarchy, 3.0))
+        assert np.array_equal(draw(near), before), "the picture depends on what was drawn before"
+    assert np.abs(before - plain).mean() < np.abs(before - whole).mean()
+    assert not np.array_equal(before, plain)
+
+
+@pytest.mark.parametrize("megabytes", [1, 3, 5, 64, 10_000])
+def test_tiles_take_no_more_memory_than_allowed(ctx, model, megabytes: int) -> None:
+    hierarchy, tiles = model
+    layer = tiles.normals[0].nbytes
+    with drawing(ctx, replace(SMALL, tile_bytes=megabytes * 1_000_000), hierarchy, tiles) as draw:
+        held = draw.renderer._tiles.nbytes
+    # One layer there has to be.
+    assert held <= max(megabytes * 1_000_000, layer)
+    assert held == min(tiles.normals.nbytes, max(megabytes * 1_000_000 // layer, 1) * layer)
+
+
+def test_records_in_several_layers_draw_the_same(ctx, model) -> None:
+    hierarchy, tiles = model
+    view = view_of(hierarchy)
+    with drawing(ctx, SMALL, hierarchy, tiles) as draw:
+        expected = draw(view)
+    with drawing(ctx, replace(SMALL, texture_size=2), hierarchy, tiles) as draw:
+        assert draw.renderer._buffers.records.layers > 1
+        assert np.array_equal(draw(view), expected)
+
+
+def test_without_blending_of_floats_the_nearest_splats_show(ctx, model) -> None:
+    hierarchy, tiles = model
+    view = view_of(hierarchy)
+    assert blends_floats(ctx)
+    assert probe_limits(ctx).float_blending
+    with drawing(ctx, SMALL, hierarchy, tiles) as draw:
+        blended, nearest = draw(view), draw(view, Settings(blending=False))
+    with drawing(ctx, replace(SMALL, float_blending=False), hierarchy, tiles) as draw:
+        assert np.array_equal(draw(view), nearest)
+        (line,) = draw.renderer.shortcomings
+        frame = draw.renderer.read_arrays()
+    assert "not blended" in line
+    assert not np.array_equal(blended, nearest)
+    assert np.isfinite(frame.normal).all()
+    assert np.isfinite(frame.depth[frame.coverage > 0]).all()
+
+
+def test_a_picture_larger_than_the_limits_is_one_line(ctx) -> None:
+    for size in ((4097, 1), (1, 4097), (100_000, 100_000)):
+        with pytest.raises(GpuError, match="4096 x 4096 can be drawn"):
+            make_picture(ctx, SMALL, size)
+
+
+def test_tiles_get_the_memory_that_there_is(ctx, model, monkeypatch) -> None:
+    from renderer import buffers
+
+    hierarchy, tiles = model
+    make = buffers._tile_texture
+
+    def make_one_layer_only(ctx: moderngl.Context, atlas: np.ndarray, layers: int) -> moderngl.TextureArray:
+        if layers > 1:
+            raise moderngl.Error("no memory")
+        return make(ctx, atlas, layers)
+
+    monkeypatch.setattr(buffers, "_tile_texture", make_one_layer_only)
+    with drawing(ctx, SMALL, hierarchy, tiles) as draw:
+        draw(view_of(hierarchy))
+        assert draw.renderer._tiles.normals.layers == 1
+
+
+def test_a_refusal_at_any_moment_is_one_line_and_leaves_what_was_there(ctx, model, ledger: Ledger, amount) -> None:
+    """Every single request of a new model, its tiles, a new size and the arrays is refused in turn, in both ways."""
+    hierarchy, tiles = model
+    first = build_hierarchy(make_meteoroid(500))
+    faulty, view = FaultyContext(ctx), view_of(hierarchy)
+    bad, cases = [], 0
+    renderer = Renderer(faulty, SMALL)  # type: ignore[arg-type]
+    targets = [make_picture(ctx, SMALL, size) for size in (SIZE, (40, 30))]
+
+    def draw(model: Hierarchy, target: moderngl.Framebuffer) -> bytes:
+        small = replace(view, width=target.size[0], height=target.size[1])
+        renderer.draw(select_cut(model, small, 1.0, 8.0), small, Settings(), target)
+        renderer.read_arrays()
+        return bytes(target.read(components=4))
+
+    def everything() -> bytes:
+        renderer.set_hierarchy(first)
+        draw(first, targets[1])
+        renderer.set_hierarchy(hierarchy)
+        renderer.set_tiles(tiles)
+        draw(hierarchy, targets[0])
+        renderer.set_tiles(None)
+        return draw(hierarchy, targets[1])
+
+    faulty.arm(None, by_error=False)
+    expected = everything()
+    requests = faulty.requests
+    assert requests > 40
+    for by_error in (False, True):
+        for fails_at in range(2, requests, amount(23, 1)):
+            faulty.arm(fails_at, by_error=by_error)
+            cases += 1
+            try:
+                with graphics_errors():
+                    everything()
+            except GraphicsError as error:
+                if "\n" in str(error):
+                    bad.append((fails_at, by_error, error))
+            except Exception as error:
+                bad.append((fails_at, by_error, error))
+            faulty.arm(None, by_error=False)
+            if everything() != expected:
+                bad.append((fails_at, by_error, "another picture afterwards"))
+    for target in targets:
+        release_picture(target)
+    renderer.release()
+    assert not bad
+    ledger.record(
+        "faults", "OpenGL refuses", "every request of loading, drawing and reading, by exception and by error",
+        cases=cases, worst=len(bad), bound=0, unit="bad ends",
+    )  # fmt: skip
