@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from hierarchy.model import Mesh, Model, ModelError, Progress, UInt32Array, ignore_progress, in_file_space
+from hierarchy.plain_text import plain_line
 
 if TYPE_CHECKING:
     from app.cache import Cache
@@ -162,7 +163,7 @@ def _find(source: ModelSource, cache: Cache | None) -> Scene | None:
     content = None if found is None else _content_of_notes(found.notes)
     if found is None or content is None:
         return None
-    name = found.hierarchy.name if source.path is None else source.path.name
+    name = found.hierarchy.name if source.path is None else plain_line(source.path.name)
     hierarchy = replace(found.hierarchy, name=name)
     return Scene(source, content, hierarchy, None, find_s, 0.0, 0.0, Provenance(None, found.entry))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import stat
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,8 +39,10 @@ class Seen:
 
 
 def state_of(path: Path) -> FileState:
-    """Return a file's present state. Raises OSError."""
+    """Return a file's present state. Raises OSError, also where it is a pipe or a device, which reading may not end."""
     found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError("not a regular file")
     return FileState(found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_dev)
 
 
