@@ -103,17 +103,9 @@ def enclosing_disc(corners, weights):  # type: ignore[no-untyped-def]
         beta = min(0.5 * (v * across).sum() / ((v * v).sum() - along * uv), 1.0)
         alpha = min(max(0.5 - beta * along, 0.0), 1.0 - beta)
         weights[start], weights[end], weights[apex] = max(1.0 - alpha - beta, 0.0), alpha, beta
-    return _farthest(corners, corners[start] + weights[end] * u + weights[apex] * v)
-
-
-@nb.njit(cache=True, nogil=True)
-def _farthest(corners, centre):  # type: ignore[no-untyped-def]
-    """Return the distance of the farthest of three corners."""
-    largest = 0.0
-    for k in range(3):
-        offset = corners[k] - centre
-        largest = max(largest, (offset * offset).sum())
-    return math.sqrt(largest)
+    # Relative to a corner: beside the origin's distance a small triangle would lose its digits.
+    centre = weights[end] * u + weights[apex] * v
+    return math.sqrt(max((centre * centre).sum(), ((u - centre) ** 2).sum(), ((v - centre) ** 2).sum()))
 
 
 @nb.njit(cache=True, nogil=True)
@@ -145,7 +137,10 @@ def _surfel(positions, normals, face, centre, out_normal):  # type: ignore[no-un
         out_normal[axis] = normal[axis]
         stored[axis] = centre[axis]
     # From the centre as it is stored, rounded, and rounded up: small triangles far out are covered, too.
-    return _farthest(corners, stored) / max(abs((normal * plane).sum()), LEAST_LEAN_COSINE) * ROUNDED_UP
+    radius2 = 0.0
+    for k in range(3):
+        radius2 = max(radius2, ((corners[k] - stored) ** 2).sum())
+    return math.sqrt(radius2) / max(abs((normal * plane).sum()), LEAST_LEAN_COSINE) * ROUNDED_UP
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)

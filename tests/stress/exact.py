@@ -72,6 +72,9 @@ def angle_weighted_normal(positions: npt.ArrayLike, faces: np.ndarray, vertex: i
                     continue
                 along = ((b - a) * (c - a)).sum()
                 angle = mpmath.atan2(length, mpmath.mpf(along.numerator) / along.denominator)
-                total = [t + angle * (mpmath.mpf(n.numerator) / n.denominator) / length for t, n in zip(total, normal)]
+                total = [
+                    t + angle * (mpmath.mpf(n.numerator) / n.denominator) / length
+                    for t, n in zip(total, normal, strict=True)
+                ]
         norm = mpmath.sqrt(sum(t * t for t in total))
         return np.array([float(t / norm) if norm else 0.0 for t in total] + [float(norm)])

@@ -54,7 +54,7 @@ def excess(matrices, kind):
 
 
 def seams(rng, count):
-    """Return unit normals around everything that could be a seam: the poles, the equator, the axes, and tiny numbers."""
+    """Return unit normals around all that could be a seam: the poles, the equator, the axes, and tiny numbers."""
     steps = np.concatenate(
         [
             10.0 ** rng.uniform(-300.0, 0.0, count),
@@ -94,7 +94,7 @@ def test_frames_all_over_the_sphere_and_at_its_seams(ledger, amount, rng):
         ledger.record(
             "kernels",
             "orthonormal basis",
-            "all over the sphere; z = 0, -0.0, -2^-100, +-1 and their neighbours, components down to 5e-324; handedness, too",
+            "all over the sphere; z = 0, -0.0, -2^-100, +-1 and their neighbours, down to 5e-324; handedness",
             cases=len(normals),
             worst=excess(frames(normals), np.float64),
             bound=ROUNDINGS,

@@ -1,7 +1,7 @@
-"""Two bytes for a normal: every code there is, errors over the hemisphere and at its rim, and what filtering makes of it.
+"""Two bytes for a normal: every code there is, errors over the hemisphere and at its rim, and what filtering does.
 
-A code stands for a square of side 1/127, so what is encoded moves by (1, 1)/254 at most, which is 2^0.5/254 on a face of
-the octahedron; nearest to the centre, where a face is 3^-0.5 away, that is atan(6^0.5/254) = 0.5525 degrees.
+A code stands for a square of side 1/127, so what is encoded moves by (1, 1)/254 at most, which is 2^0.5/254 on a face
+of the octahedron; nearest to the centre, where a face is 3^-0.5 away, that is atan(6^0.5/254) = 0.5525 degrees.
 """
 
 import math
