@@ -108,11 +108,11 @@ def _decode(stream: bytes, count: int, field: Field) -> Float64Array:
         padded = np.frombuffer(stream + bytes(9), np.uint8)
         # Modulo 2^64 the sum is right for every range that fits into signed integers.
         integers = unpack_bits(padded, field.bits, count).view(np.int64) + np.int64(field.minimum)
-    return integers * field.scale + field.offset
+    return np.asarray(integers * field.scale + field.offset, np.float64)
 
 
 @numba.njit(cache=True, nogil=True)
-def _bits_at(data: AnyArray, place: int, bits: int) -> int:
+def _bits_at(data: AnyArray, place: int, bits: int) -> np.uint64:
     """Return the `bits` (1 to 64) that begin at bit `place`, lowest first."""
     byte, shift = place >> 3, np.uint64(place & 7)
     value = np.uint64(0)

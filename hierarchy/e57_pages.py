@@ -86,7 +86,7 @@ CHECKSUM_TABLE = _checksum_table()
 
 
 @numba.njit(cache=True, nogil=True)
-def _page_checksum(page: AnyArray, table: AnyArray) -> int:
+def _page_checksum(page: AnyArray, table: AnyArray) -> np.uint32:
     checksum = np.uint32(0xFFFFFFFF)
     for byte in page[:CONTENT]:
         checksum = table[(checksum ^ byte) & np.uint32(0xFF)] ^ (checksum >> np.uint32(8))

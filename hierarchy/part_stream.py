@@ -61,7 +61,7 @@ def send_part(stream: BinaryIO, part: Part) -> None:
     for name, dtype in ARRAYS.items():
         # An empty array has no bytes to look at.
         if name in shapes and arrays[name].size:
-            stream.write(memoryview(np.ascontiguousarray(arrays[name], dtype)).cast("B"))
+            stream.write(np.ascontiguousarray(arrays[name], dtype).data.cast("B"))
     stream.flush()
 
 
@@ -112,7 +112,7 @@ def _receive_array(stream: BinaryIO, shape: tuple[int, ...], dtype: type[np.gene
     if array.size == 0:
         return array
     # One buffered read may stop at what the pipe holds.
-    view, place = memoryview(array).cast("B"), 0
+    view, place = array.data.cast("B"), 0
     while place < len(view):
         got = stream.readinto(view[place:])  # type: ignore[attr-defined]
         if not got:

@@ -12,6 +12,7 @@ import pytest
 from hierarchy import contained
 from hierarchy.contained import TOO_LONG, read_contained
 from hierarchy.las import read_laz
+from hierarchy.las_header import read_las_header
 from hierarchy.load import load_model
 from hierarchy.model import Cancelled, ModelError
 from hierarchy.part import UnreadableFile
@@ -89,6 +90,20 @@ def test_a_good_file_comes_back_whole(laz, started):
     assert started[0].returncode == -signal.SIGKILL or started[0].returncode == 0
     assert started[0].stdin.closed
     assert started[0].stdout.closed
+
+
+def test_layers_of_points_longer_than_the_file(tmp_path):
+    las = laspy.LasData(laspy.LasHeader(point_format=6))
+    las.x, las.y, las.z = np.random.default_rng(1).random((3, 1000))
+    las.write(tmp_path / "a.laz")
+    data = bytearray((tmp_path / "a.laz").read_bytes())
+    header = read_las_header(tmp_path / "a.laz")
+    # Behind the place of the table of chunks: one whole point, the count of points, and the sizes of nine layers. lazrs
+    # reserves as much as they say, and where it gets it reads on for seconds.
+    sizes = header.start + 8 + header.point_size + 4
+    data[sizes : sizes + 36] = b"\xff" * 36
+    (tmp_path / "a.laz").write_bytes(data)
+    assert failure(tmp_path / "a.laz").startswith("damaged")
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits processor time by a signal")

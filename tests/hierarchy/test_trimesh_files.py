@@ -1,4 +1,6 @@
 import json
+import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -163,3 +165,58 @@ def test_a_missing_image_is_only_missed(tmp_path):
     mesh = load_model(path)
     assert mesh.colors is None
     assert mesh.warnings == ("the file skin.png is not in the model's folder",)
+
+
+def refusal(path):
+    with pytest.raises(ModelError) as caught:
+        load_model(path)
+    return str(caught.value).removeprefix(f"{path.name}: ")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits memory")
+def test_a_small_archive_of_millions_of_triangles(tmp_path):
+    box().export(tmp_path / "a.3mf")
+    with zipfile.ZipFile(tmp_path / "a.3mf") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(tmp_path / "a.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            triangles = b'<triangle v1="0" v2="1" v3="2"/>' * 1_100_000 + b"</triangles>"
+            archive.writestr(name, data.replace(b"</triangles>", triangles))
+    assert (tmp_path / "a.3mf").stat().st_size < 1e6
+    assert refusal(tmp_path / "a.3mf").startswith(("damaged", "it unpacks to 1,100,0"))
+
+
+def test_a_small_mesh_placed_many_times(tmp_path):
+    path = write_gltf(tmp_path, trimesh.creation.icosphere(4))
+    tree = json.loads(path.read_text())
+    (mesh,) = (node["mesh"] for node in tree["nodes"] if "mesh" in node)
+    tree["nodes"] = [{"mesh": mesh} for _ in range(300)]
+    tree["scenes"] = [{"nodes": list(range(300))}]
+    path.write_text(json.dumps(tree))
+    assert refusal(path).startswith("it unpacks to 1,003,520 points or faces, too many")
+
+
+def test_an_accessor_without_a_buffer(tmp_path):
+    path = write_gltf(tmp_path, box())
+    tree = json.loads(path.read_text())
+    for accessor in tree["accessors"]:
+        del accessor["bufferView"]
+        accessor["count"] = 2**31
+    path.write_text(json.dumps(tree))
+    assert refusal(path).startswith("damaged")
+
+
+LAUGHS = '<!ENTITY a0 "ha">' + "".join(f'<!ENTITY a{i + 1} "{f"&a{i};" * 10}">' for i in range(9))
+
+
+@pytest.mark.parametrize("entity", ['<!ENTITY a9 SYSTEM "secret.txt">', LAUGHS], ids=["a file", "a billion laughs"])
+def test_entities_that_stand_for_more(tmp_path, entity):
+    (tmp_path / "secret.txt").write_text("Y_UP")
+    box().export(tmp_path / "a.dae")
+    text = (tmp_path / "a.dae").read_text()
+    assert "<asset>" in text
+    assert "</asset>" in text
+    start = text.index("<COLLADA")
+    text = f"{text[:start]}<!DOCTYPE COLLADA [{entity}]>{text[start:]}"
+    (tmp_path / "a.dae").write_text(text.replace("</asset>", "<title>&a9;</title></asset>"))
+    assert refusal(tmp_path / "a.dae") == "damaged, truncated or not a DAE file"
