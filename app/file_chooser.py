@@ -14,7 +14,7 @@ _LINUX_DIALOGS = ("zenity", "kdialog", "matedialog", "qarma")
 _TITLE = "Open a model"
 _FILTERS = [
     "Models",
-    "*.ply *.obj *.stl *.off *.glb *.gltf *.3mf *.dae *.las *.laz *.xyz *.pts *.txt *.asc *.csv",
+    "*.ply *.obj *.stl *.off *.glb *.gltf *.3mf *.dae *.las *.laz *.e57 *.xyz *.pts *.txt *.asc *.csv",
     "All files",
     "*",
 ]

@@ -18,6 +18,11 @@ COMMANDS = ("render", "info", "cache")
 # Read by benchmarks/options.py.
 BENCH = "bench"
 
+MODEL_HELP = (
+    "a mesh or a point cloud: PLY, OBJ, STL, OFF, glTF, 3MF, COLLADA, LAS, LAZ, E57, points as text, or what else "
+    "trimesh reads"
+)
+
 
 @dataclass(frozen=True)
 class CameraOptions:
@@ -152,7 +157,7 @@ def _parser(command: str) -> _Parser:
     if command == "cache":
         parser.add_argument("--clear", action="store_true", help="remove all of it")
         return parser
-    parser.add_argument("model", metavar="MODEL", nargs="?", default=None, type=Path, help="a mesh or a point cloud")
+    parser.add_argument("model", metavar="MODEL", nargs="?", default=None, type=Path, help=MODEL_HELP)
     _add_model_options(parser)
     if command != "info":
         _add_picture_options(parser)
