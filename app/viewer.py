@@ -213,6 +213,7 @@ class Viewer:
         pose = frame_scene(scene, replace(options, orthographic=orthographic), resolution)
         try:
             self.camera = _camera_of_pose(pose)
+            view_of_pose(pose, scene, resolution)
         except ValueError as error:
             self.state.say(str(error), is_error=True)
             self.camera = _camera_of_pose(frame_scene(scene, CameraOptions(orthographic=orthographic), resolution))

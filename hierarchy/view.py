@@ -18,6 +18,11 @@ NEAR_OVER_FAR = 1e-4
 # depth is between the clip planes: also discs and spheres that reach beyond the model.
 PARALLEL_DEPTH, PARALLEL_REACH = 2.0, 1.5
 
+# What is drawn with float32: an eye at most so many radii away from the model; so much or little of it, over its
+# radius, or over the distance in perspective, as half the height of the picture.
+FARTHEST = 1e30
+SMALLEST, LARGEST = 1e-9, 1e9
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -125,40 +130,56 @@ def look_at(
     bounds : centre (3,), model space, and radius of a sphere that holds the model; sets the clip planes
     parallel_scale : half the height of what is seen, in the file's own space, for parallel view rays; None: they meet
         in the eye. Clip planes of a parallel view hold the whole model, on both sides of the position
-    Raises ValueError where the eye is at the focal point, a number is not finite or an angle out of range.
+    Raises ValueError where the eye is at the focal point, a number is not finite or an angle out of range, and where
+    the camera is so far away, or what it sees so small or large, that it cannot be drawn.
     """
-    origin = np.asarray(origin, np.float64)
-    eye = (np.asarray(position, np.float64) - origin) / scale
-    back = eye - (np.asarray(focal_point, np.float64) - origin) / scale
-    up = np.asarray(view_up, np.float64)
+    origin, focus = np.asarray(origin, np.float64), np.asarray(focal_point, np.float64)
+    with np.errstate(over="ignore"):
+        eye = (np.asarray(position, np.float64) - origin) / scale
+        back = eye - (focus - origin) / scale
+    up, radius = np.asarray(view_up, np.float64), _radius(bounds)
     if not (np.isfinite(eye).all() and np.isfinite(back).all() and np.isfinite(up).all()):
         raise ValueError("the camera's position, focal point and view-up must be finite")
-    length = float(np.linalg.norm(back))
-    if not length > 0.0:
+    if not back.any():
         raise ValueError("the camera's position and focal point are the same point")
+    if np.abs(eye).max() > FARTHEST * radius:
+        raise ValueError("the camera is too far away from the model to draw it")
     if not 0.0 < view_angle < math.pi:
         raise ValueError("the view angle must lie between 0 and 180 degrees")
     if parallel_scale is not None and not 0.0 < parallel_scale / scale < math.inf:
         raise ValueError("the parallel scale must be a finite length greater than 0")
-    width, height = resolution
-    if width < 1 or height < 1:
+    seen = math.tan(0.5 * view_angle) if parallel_scale is None else parallel_scale / scale / radius
+    if not SMALLEST <= seen <= LARGEST:
+        raise ValueError("what the camera sees is too small or too large to draw")
+    if min(resolution) < 1:
         raise ValueError("the resolution must be at least 1 x 1")
 
-    back = back / length
+    eye_from_model = np.eye(4)
+    eye_from_model[:3, :3] = rotation = _rotation(back, up)
+    eye_from_model[:3, 3] = -rotation @ eye
+    size = int(resolution[0]), int(resolution[1])
+    if parallel_scale is not None:
+        return _parallel_view(eye_from_model, view_angle, size, bounds, float(parallel_scale) / scale)
+    return View(eye_from_model, float(view_angle), *size, *clip_planes(eye_from_model, bounds))
+
+
+def _rotation(back: Float64Array, up: Float64Array) -> Float64Array:
+    """Return the axes right, up and back of eye space, float64 (3, 3), from directions of any length."""
+    back, up = _of_usual_size(back), _of_usual_size(up)
+    back = back / np.linalg.norm(back)
     right = np.cross(up, back)
-    if np.linalg.norm(right) <= 1e-12 * max(1.0, float(np.linalg.norm(up))):
+    if np.linalg.norm(right) <= 1e-12:
         # Looking along view-up: any direction across the line of sight will do.
         right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
     right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(back, right), back])
-    eye_from_model = np.eye(4)
-    eye_from_model[:3, :3] = rotation
-    eye_from_model[:3, 3] = -rotation @ eye
+    return np.stack([right, np.cross(back, right), back])
 
-    if parallel_scale is not None:
-        return _parallel_view(eye_from_model, view_angle, (width, height), bounds, float(parallel_scale) / scale)
-    near, far = clip_planes(eye_from_model, bounds)
-    return View(eye_from_model, float(view_angle), int(width), int(height), near, far)
+
+def _of_usual_size(vector: Float64Array) -> Float64Array:
+    """Return a vector times the power of two that makes it about 1 long: its squares neither overflow nor vanish."""
+    with np.errstate(under="ignore"):
+        scaled: Float64Array = np.ldexp(vector, -math.frexp(float(np.abs(vector).max()))[1])
+    return scaled
 
 
 def _parallel_view(
@@ -176,8 +197,7 @@ def _parallel_view(
     return View(
         moved,
         float(view_angle),
-        int(resolution[0]),
-        int(resolution[1]),
+        *resolution,
         near=(PARALLEL_DEPTH - PARALLEL_REACH) * radius,
         far=(PARALLEL_DEPTH + PARALLEL_REACH) * radius,
         parallel_scale=parallel_scale,

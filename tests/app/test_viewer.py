@@ -147,6 +147,42 @@ def test_axis_views_and_fit(viewer):
     assert np.allclose(viewer.camera.pivot, in_file_space(viewer.scene.hierarchy, viewer.scene.hierarchy.bounds[0]))
 
 
+def test_flipped_projection_keeps_the_size_at_the_pivot_and_outlives_the_model(viewer, torus):
+    settle(viewer)
+    before = viewer.view(SIZE)
+    viewer.flip_projection()
+    after = viewer.view(SIZE)
+    assert (before.is_parallel, after.is_parallel) == (False, True)
+    distance = viewer.camera.distance / viewer.scene.hierarchy.scale
+    assert after.focal_pixels == pytest.approx(before.focal_pixels / distance)
+    viewer.open_path(torus)
+    settle(viewer)
+    assert viewer.camera.orthographic
+    assert viewer.state.orthographic
+    viewer.flip_projection()
+    assert not viewer.view(SIZE).is_parallel
+
+
+def test_a_camera_that_cannot_be_drawn_is_a_message(torus):
+    options = Options(model=torus, texels=2, camera=CameraOptions(position=(0.0, 1e40, 0.0)))
+    viewer = Viewer(options, lambda: None, lambda scene: None)
+    settle(viewer)
+    assert [message.text for message in viewer.state.messages] == [
+        "the camera is too far away from the model to draw it"
+    ]
+    assert np.linalg.norm(viewer.camera.position) < 100.0
+    viewer.close()
+
+
+def test_command_line_sets_the_projection(torus):
+    options = Options(model=torus, texels=2, camera=CameraOptions(orthographic=True))
+    viewer = Viewer(options, lambda: None, lambda scene: None)
+    settle(viewer)
+    assert viewer.state.orthographic
+    assert viewer.view(SIZE).is_parallel
+    viewer.close()
+
+
 def test_far_coordinates_reach_the_view(far_torus):
     viewer = Viewer(Options(model=far_torus, texels=2), lambda: None, lambda scene: None)
     settle(viewer)

@@ -278,3 +278,35 @@ def test_the_screen_box_holds_what_is_seen_of_the_model(seed, scale):
         if 0 <= x <= 64 and 0 <= y <= 48:
             assert left - 1e-9 <= x <= right + 1e-9
             assert top - 1e-9 <= y <= bottom + 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-320, 1e-200, 1e-3, 1e200, 1e308])
+def test_directions_of_any_length_are_directions(size):
+    expected, _, _, _ = view_of(3)
+    eye, focus, up = np.random.default_rng(3).normal(size=(3, 3)) * [[5.0], [1.0], [1.0]]
+    view = look_at(eye, focus, 0.25 * size * up, 0.8, (64, 48), bounds=UNIT_SPHERE)
+    np.testing.assert_allclose(view.eye_from_model, expected.eye_from_model, atol=1e-3 if size < 1e-300 else 1e-12)
+
+
+@pytest.mark.parametrize("distance", [1e-320, 1e-170])
+def test_an_eye_next_to_the_focal_point_looks_at_it(distance):
+    view = look_at((0, 0, distance), (0, 0, 0), (0, 1, 0), 0.8, (8, 8), bounds=UNIT_SPHERE)
+    np.testing.assert_array_equal(view.eye_from_model[:3, :3], np.eye(3))
+
+
+@pytest.mark.parametrize("scale", [None, 1.0])
+@pytest.mark.parametrize("distance", [1e31, 1e154, 1e200, 1e308])
+def test_an_eye_beyond_all_numbers_is_refused(distance, scale):
+    with pytest.raises(ValueError, match="too far away"):
+        look_at((0, distance, 0), (0, 0, 0), (0, 0, 1), 0.8, (8, 8), bounds=UNIT_SPHERE, parallel_scale=scale)
+    with pytest.raises(ValueError, match="finite"), np.errstate(all="raise"):
+        look_at((0, 1e308, 0), (0, 0, 0), (0, 0, 1), 0.8, (8, 8), bounds=UNIT_SPHERE, scale=1e-10)
+
+
+@pytest.mark.parametrize(
+    "what",
+    [{"view_angle": 1e-10}, {"view_angle": math.pi - 1e-10}, {"parallel_scale": 1e-40}, {"parallel_scale": 1e300}],
+)
+def test_what_float32_cannot_project_is_refused(what):
+    with pytest.raises(ValueError, match="too small or too large"):
+        look_at((0, 0, 4), (0, 0, 0), (0, 1, 0), **({"view_angle": 0.8} | what), resolution=(8, 8), bounds=UNIT_SPHERE)

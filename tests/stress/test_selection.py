@@ -68,7 +68,7 @@ def falsely(cases: Cases, sides: np.ndarray, side: int, excess: np.ndarray) -> f
 
 
 def test_no_cone_faces_away_or_the_eye_that_does_not(ledger, amount, rng):
-    cases = random_cones(rng, amount(20_000, 600_000))
+    cases = random_cones(rng, amount(10_000, 600_000))
     sides = sides_of(cases)
     back, front = too_wide(cases)
     assert {BACK, FRONT, SILHOUETTE} == set(sides.tolist())
@@ -195,7 +195,7 @@ def visible_thickness(corners: np.ndarray, eye: np.ndarray) -> float:
 
 
 def test_no_leaf_triangle_that_is_seen_faces_away(ledger, amount, rng):
-    count, worst, culled = amount(4_000, 60_000), 0.0, 0
+    count, worst, culled = amount(2_000, 60_000), 0.0, 0
     for _ in range(count):
         a, u, v = rng.normal(size=(3, 3)) * [[0.5], [10.0 ** rng.uniform(-6, 0)], [10.0 ** rng.uniform(-6, 0)]]
         if rng.random() < 0.4:
