@@ -25,8 +25,8 @@ TEXELS_PER_EDGE = 2.5
 # Splitting for a texture stops here: a hierarchy of so many leaves takes some seconds to build.
 MOST_FACES = 1_000_000
 
-# All textures of a model together may have so many: 512 MB. An image of a few kilobytes can hold a thousand times that.
-MOST_TEXELS = 1 << 27
+# All textures of a model together may have so many: 256 MB. An image of a few kilobytes can hold a thousand times that.
+MOST_TEXELS = 1 << 26
 
 # Texels that are converted at once.
 BAND = 1 << 22

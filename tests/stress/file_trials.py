@@ -6,6 +6,7 @@ word of a library on the standard error; and nothing is written but to the cache
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import re
@@ -16,14 +17,15 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 MOST_SECONDS, MOST_MEGABYTES = 10.0, 2048.0
 
-# The worker may be a little late with its answer, which is what counts.
-GRACE = 5.0
+# Seconds after which a worker hangs, whatever else the machine does; how long it worked is what it says itself.
+PATIENCE = 60.0
 
 # A process that has not come up after this long never will; compiling all kernels takes a minute.
 START = 300.0
@@ -76,13 +78,13 @@ class Tally:
 class Worker:
     """A worker process with folders of its own, started again whenever it has ended."""
 
-    def __init__(self, root: Path, *, forked: bool) -> None:
-        self.root, self.forked = root, forked
+    def __init__(self, root: Path) -> None:
+        self.root = root
         for name in ("model", "home", "tmp", "here", "cache", "pictures"):
             (root / name).mkdir(parents=True)
         self.process: subprocess.Popen[str] | None = None
 
-    def ask(self, *arguments: str, limit: float = MOST_SECONDS + GRACE) -> Answer:
+    def ask(self, *arguments: str, limit: float = PATIENCE) -> Answer:
         """Have a command run. Raises TimeoutError or ChildProcessError where the worker hangs or dies."""
         if self.process is None:
             self.process = self._start()
@@ -110,8 +112,6 @@ class Worker:
             **{key: str(self.root / name) for key, name in folders.items()},
             "NUMBA_NUM_THREADS": "1",
         }
-        if self.forked:
-            environment["FORKED_CHILDREN"] = "1"
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("file_worker.py"))],
             stdin=subprocess.PIPE,
@@ -217,29 +217,55 @@ def signal_name(status: int) -> str:
     return signal.Signals(-status).name if status < 0 else f"status {status}"
 
 
-def run_trials(trials: Iterator[Trial], root: Path, *, workers: int = 1, forked: bool = True) -> dict[str, Tally]:
+class Pool:
+    """Workers that all tests share, as starting one takes some seconds."""
+
+    def __init__(self) -> None:
+        self.root = Path(tempfile.mkdtemp(prefix="surfelscope-trials-"))
+        self.workers: list[Worker] = []
+        atexit.register(self.close)
+
+    def take(self, count: int) -> list[Worker]:
+        """Return so many workers."""
+        while len(self.workers) < count:
+            self.workers.append(Worker(self.root / f"worker{len(self.workers)}"))
+        return self.workers[:count]
+
+    def close(self) -> None:
+        """End all workers."""
+        for worker in self.workers:
+            worker.stop()
+        shutil.rmtree(self.root, ignore_errors=True)
+
+
+@cache
+def pool() -> Pool:
+    """Return the one pool."""
+    return Pool()
+
+
+def run_trials(trials: Iterable[Trial], *, workers: int = 1) -> dict[str, Tally]:
     """Run all trials, and return what became of them by kind; what fails is kept in a folder that failures name."""
     tallies: dict[str, Tally] = {}
     lock = threading.Lock()
     broken: list[BaseException] = []
+    waiting = iter(trials)
 
-    def work(number: int) -> None:
-        worker = Worker(root / f"worker{number}", forked=forked)
+    def work(worker: Worker) -> None:
         try:
             while not broken:
                 with lock:
-                    trial = next(trials, None)
+                    trial = next(waiting, None)
                 if trial is None:
                     return
                 answer, wrong = worker.run(trial)
                 with lock:
                     _count(tallies.setdefault(trial.kind, Tally()), trial, answer, wrong)
         except BaseException as error:
-            broken.append(error)
-        finally:
             worker.stop()
+            broken.append(error)
 
-    threads = [threading.Thread(target=work, args=(number,)) for number in range(workers)]
+    threads = [threading.Thread(target=work, args=(worker,)) for worker in pool().take(workers)]
     for thread in threads:
         thread.start()
     for thread in threads:

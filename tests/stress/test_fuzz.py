@@ -61,17 +61,17 @@ def seeds() -> list[Seed]:
     return all_seeds()
 
 
-def test_every_seed_opens_and_can_be_drawn(seeds, tmp_path):
+def test_every_seed_opens_and_can_be_drawn(seeds):
     trials = [Trial(f"{each.kind} {number}", each.files, each.name, ("--no-cache",), True, "whole")
               for number, each in enumerate(seeds)]  # fmt: skip
-    tallies = run_trials(iter(trials), tmp_path)
+    tallies = run_trials(trials)
     assert [kind for kind, tally in tallies.items() if tally.failures or not tally.opened] == []
 
 
-def test_damaged_files_open_or_are_refused_with_one_line(seeds, ledger, amount, pytestconfig, tmp_path):
+def test_damaged_files_open_or_are_refused_with_one_line(seeds, ledger, amount, pytestconfig):
     seed, cases = pytestconfig.getoption("--stress-seed"), amount(300, 52_000)
     workers = amount(1, min(os.cpu_count() or 1, 4))
-    tallies = run_trials(interleaved(damaged(seeds, seed, cases), 16), tmp_path, workers=workers)
+    tallies = run_trials(interleaved(damaged(seeds, seed, cases), 16), workers=workers)
     assert sum(tally.cases for tally in tallies.values()) >= 0.98 * cases
     # Damage that nothing survives would try little, and so would damage that changes nothing.
     opened = sum(tally.opened for tally in tallies.values())
