@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import moderngl
@@ -62,12 +63,19 @@ class Viewport:
                     try:
                         renderer.set_hierarchy(scene.hierarchy)
                     except GpuError:
-                        renderer.set_tiles(last.tiles)
+                        self._uploaded = replace(last, tiles=None)
+                        self._bring_tiles_back(last)
                         raise
             # From here on the last one is not there any more.
             self._uploaded = replace(scene, tiles=None)
             renderer.set_tiles(scene.tiles)
         self._uploaded = scene
+
+    def _bring_tiles_back(self, scene: Scene) -> None:
+        """Bring the tiles of the scene that is shown to the GPU again, if there is room."""
+        with suppress(GpuError):
+            self._renderer.set_tiles(scene.tiles)
+            self._uploaded = scene
 
     def is_stale(self, viewer: Viewer) -> bool:
         """The picture is not the one that would be drawn now."""
@@ -81,6 +89,8 @@ class Viewport:
         assert viewer.scene is not None
         self._tried = self._wanted(viewer)
         with graphics_errors():
+            if self._uploaded is not None and self._uploaded.tiles is not viewer.scene.tiles:
+                self._bring_tiles_back(viewer.scene)
             target = self._framebuffer()
             try:
                 report = self._draw(viewer, viewer.scene, target)
