@@ -8,7 +8,9 @@ texel, so the hierarchy is traversed once per node, and each primitive found is 
 Departures: texels lie at 2x/(w-1) - 1, which is where eq. 11 samples them (eq. 12 as printed disagrees with it);
 primitives that face the other side do not count; the sphere that selects candidates is the node's bounding sphere,
 not the disc's, so that no primitive over the rim is lost; and an interpolated normal that leans below the disc is
-kept on the rim of the hemisphere. A texel whose line hits nothing keeps the disc's own normal.
+kept on the rim of the hemisphere. A texel whose line hits nothing keeps the disc's own normal. Where very many
+primitives lie over one disc, as in a fan of a million triangles, a sample of those below the node and next to it has
+to do.
 """
 
 from __future__ import annotations
@@ -31,6 +33,11 @@ from hierarchy.model import Int32Array, Progress, UInt8Array, UInt32Array, ignor
 LAYER_SIZE = 1024
 # Nodes baked between two reports of progress: some 30 ms of work.
 BLOCK = 4096
+# What may be looked at for one tile, nodes, leaves and texels together: BASE_VISITS, some for each of the node's own
+# leaves, and LAYERS times the texels: enough for all tiles of ordinary meshes and for 99.9% of a cloud's.
+BASE_VISITS = 1024
+VISITS_PER_LEAF = 16
+LAYERS = 32
 # Slack of the inside test, relative to the triangle: a texel on an edge must not fall between two triangles.
 EDGE_SLACK = 1e-9
 
@@ -90,13 +97,14 @@ def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, 
     scale, offset : a point u lies at texel u * scale + offset
     height, sums : float64 (w, w) and (w, w, C): distance of the nearest hit so far, its normal in model space and,
         where C is 7, its colour
+    Returns how many texels it looked at.
     """
     ax, ay = corners[0, 0] * scale + offset, corners[0, 1] * scale + offset
     bx, by = corners[1, 0] * scale + offset, corners[1, 1] * scale + offset
     cx, cy = corners[2, 0] * scale + offset, corners[2, 1] * scale + offset
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if area <= 0.0:
-        return
+    if not area > 0.0:
+        return 0
     texels = len(height)
     slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
     left = max(math.ceil(min(ax, bx, cx) - EDGE_SLACK), 0)
@@ -107,10 +115,16 @@ def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, 
         for x in range(left, right + 1):
             wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
             wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
-            wc = area - wa - wb
+            # Each from its own edge, which has exactly the opposite in the triangle beyond: no texel falls between.
+            wc = (ax - x) * (by - y) - (ay - y) * (bx - x)
             if wa < slack or wb < slack or wc < slack:
                 continue
-            wa, wb, wc = wa / area, wb / area, wc / area
+            # Seen edge-on the slack is as large as the area: what is interpolated must stay within the triangle.
+            wa, wb, wc = max(wa, 0.0), max(wb, 0.0), max(wc, 0.0)
+            total = wa + wb + wc
+            if not total > 0.0:
+                continue
+            wa, wb, wc = wa / total, wb / total, wc / total
             h = abs(wa * corners[0, 2] + wb * corners[1, 2] + wc * corners[2, 2])
             if h < height[y, x]:
                 height[y, x] = h
@@ -118,6 +132,7 @@ def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, 
                     sums[y, x, k] = wa * normals[a, k] + wb * normals[b, k] + wc * normals[c, k]
                 for k in range(3, sums.shape[2]):
                     sums[y, x, k] = wa * colors[a, k - 3] + wb * colors[b, k - 3] + wc * colors[c, k - 3]
+    return max(high + 1 - low, 0) * max(right + 1 - left, 0)
 
 
 @nb.njit(cache=True, nogil=True)
@@ -128,13 +143,15 @@ def _scatter_surfel(corner, radius, leaf, normals, colors, spacing, offset, weig
     spacing, offset : texel x lies at (x - offset) * spacing
     weights, sums : float64 (w, w) and (w, w, C): sum of weights, weighted normals in model space and, where C is 7,
         weighted colours
+    Returns how many texels it looked at.
     """
     texels = len(weights)
     u, v, a, b, c = corner[0, 0], corner[0, 1], corner[1, 0], corner[1, 1], corner[1, 2]
-    if c <= 1e-6:
-        return
-    extent_u = radius * math.sqrt(max(1.0 - a * a, 0.0))
-    extent_v = radius * math.sqrt(max(1.0 - b * b, 0.0))
+    if c <= 1e-6 or not radius > 0.0:
+        return 0
+    # Not 1 - a^2: at grazing angles that is what the stored normal is off unit length.
+    extent_u = radius * math.sqrt(b * b + c * c)
+    extent_v = radius * math.sqrt(a * a + c * c)
     left = max(math.ceil((u - extent_u) / spacing + offset), 0)
     right = min(math.floor((u + extent_u) / spacing + offset), texels - 1)
     low = max(math.ceil((v - extent_v) / spacing + offset), 0)
@@ -152,6 +169,7 @@ def _scatter_surfel(corner, radius, leaf, normals, colors, spacing, offset, weig
                 sums[y, x, k] += weight * normals[leaf, k]
             for k in range(3, sums.shape[2]):
                 sums[y, x, k] += weight * colors[leaf, k - 3]
+    return max(high + 1 - low, 0) * max(right + 1 - left, 0)
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -160,18 +178,44 @@ def _to_frame(x, y, z, frame, out, row):  # type: ignore[no-untyped-def]
         out[row, k] = x * frame[k, 0] + y * frame[k, 1] + z * frame[k, 2]
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums):  # type: ignore[no-untyped-def]
+    """Scatter a leaf into a tile; return how much work it was, in leaves and texels.
+
+    at : where the disc's centre lies; reach : of the sphere that selects surfels; corner : float64 (3, 3) to work in
+    """
+    positions, normals, indices, radii, colors = leaves
+    px, py, pz = at
+    if triangles:
+        a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
+        _to_frame(positions[a, 0] - px, positions[a, 1] - py, positions[a, 2] - pz, frame, corner, 0)
+        _to_frame(positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz, frame, corner, 1)
+        _to_frame(positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz, frame, corner, 2)
+        return 1 + _scatter_triangle(corner, a, b, c, normals, colors, scale, half, nearest, sums)
+    x, y, z = positions[leaf, 0] - px, positions[leaf, 1] - py, positions[leaf, 2] - pz
+    if x * x + y * y + z * z > (reach + radii[leaf]) ** 2:
+        return 1
+    _to_frame(x, y, z, frame, corner, 0)
+    _to_frame(normals[leaf, 0], normals[leaf, 1], normals[leaf, 2], frame, corner, 1)
+    radius = np.float64(radii[leaf])
+    return 1 + _scatter_surfel(corner, radius, leaf, normals, colors, 1.0 / scale, half, nearest, sums)
+
+
 @nb.njit(cache=True, nogil=True)
 def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # type: ignore[no-untyped-def]
-    """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile."""
-    positions, normals, indices, radii, colors = leaves
+    """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile.
+
+    Returns whether the work allowed for a tile was enough for it.
+    """
     me = nodes[node]
-    px, py, pz = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"])
+    at = (np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]))
+    px, py, pz = at
     reach = _reach(np.float64(me["radius"]), np.float64(me["sphere"]), texels)
     half = 0.5 * (texels - 1)
-    # One texel lies in the centre; any scale will do for it.
-    scale = (half if texels > 1 else 0.5) / max(np.float64(me["radius"]), 1e-300)
+    scale = _scale(me, texels)
     corner = np.empty((3, 3), np.float64)
-    # A binary tree over 63-bit codes and 31-bit counts is at most 94 levels deep.
+    work_left = _most_work(me, texels)
+    # A path down the tree is at most 74 nodes long (octree.py).
     stack = np.empty(128, np.int32)
     stack[0] = 0
     top = 1
@@ -182,31 +226,68 @@ def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # ty
         limit = reach + inner["sphere"]
         if dx * dx + dy * dy + dz * dz > limit * limit:
             continue
+        work_left -= 1
+        if work_left < 0:
+            return False
         first, last = inner["first_child"], inner["first_child"] + inner["child_count"]
         begin = inner["leaf_begin"]
         for child in range(first, last + 1):
             # The leaves between two children hang on this node itself.
             end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
             for leaf in range(begin, end):
-                if triangles:
-                    a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
-                    _to_frame(positions[a, 0] - px, positions[a, 1] - py, positions[a, 2] - pz, frame, corner, 0)
-                    _to_frame(positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz, frame, corner, 1)
-                    _to_frame(positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz, frame, corner, 2)
-                    _scatter_triangle(corner, a, b, c, normals, colors, scale, half, nearest, sums)
-                else:
-                    x, y, z = positions[leaf, 0] - px, positions[leaf, 1] - py, positions[leaf, 2] - pz
-                    if x * x + y * y + z * z > (reach + radii[leaf]) ** 2:
-                        continue
-                    _to_frame(x, y, z, frame, corner, 0)
-                    _to_frame(normals[leaf, 0], normals[leaf, 1], normals[leaf, 2], frame, corner, 1)
-                    radius = np.float64(radii[leaf])
-                    spacing = 1.0 / scale
-                    _scatter_surfel(corner, radius, leaf, normals, colors, spacing, half, nearest, sums)
+                work_left -= _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums)
             if child < last:
                 begin = nodes[child]["leaf_end"]
                 stack[top] = child
                 top += 1
+    return True
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _scale(me, texels):  # type: ignore[no-untyped-def]
+    """Return how many texels of a node's tile a unit length has; one texel lies in the centre, any scale will do."""
+    return (0.5 * (texels - 1) if texels > 1 else 0.5) / max(np.float64(me["radius"]), 1e-300)
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _most_work(me, texels):  # type: ignore[no-untyped-def]
+    """Return how many nodes, leaves and texels may be looked at for a node's tile."""
+    return BASE_VISITS + VISITS_PER_LEAF * (me["leaf_end"] - me["leaf_begin"]) + LAYERS * texels * texels
+
+
+@nb.njit(cache=True, nogil=True)
+def _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # type: ignore[no-untyped-def]
+    """Scatter as many leaves into a tile as the work allowed for it is enough for: the node's own, then others nearby.
+
+    Own leaves come in an order of which any beginning is spread evenly over all: steps of the golden ratio. The others
+    are those before and behind them in Morton order.
+    """
+    me = nodes[node]
+    at = (np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]))
+    reach = _reach(np.float64(me["radius"]), np.float64(me["sphere"]), texels)
+    half = 0.5 * (texels - 1)
+    scale = _scale(me, texels)
+    corner = np.empty((3, 3), np.float64)
+    work_left = _most_work(me, texels)
+    begin, end = np.int64(me["leaf_begin"]), np.int64(me["leaf_end"])
+    count = end - begin
+    step = int(0.6180339887 * count) or 1
+    while math.gcd(step, count) != 1:
+        step += 1
+    for k in range(count):
+        leaf = begin + k * step % count
+        work_left -= _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums)
+        if work_left < 0:
+            return
+    leaf_count = np.int64(nodes[0]["leaf_end"])
+    for k in range(leaf_count):
+        before, behind = begin - 1 - k, end + k
+        if before >= 0:
+            work_left -= _scatter(leaves, triangles, before, at, reach, frame, scale, half, corner, nearest, sums)
+        if behind < leaf_count:
+            work_left -= _scatter(leaves, triangles, behind, at, reach, frame, scale, half, corner, nearest, sums)
+        if work_left < 0:
+            return
 
 
 @nb.njit(cache=True, nogil=True)
@@ -239,7 +320,10 @@ def _bake(nodes, disc_normals, leaves, triangles, wanted, first_tile, texels, no
             frame[0, k], frame[1, k] = u[k], u[3 + k]
         nearest = np.full((texels, texels), np.inf if triangles else 0.0)
         sums = np.zeros((texels, texels, 7 if len(colors) > 0 else 3))
-        _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums)
+        if not _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):
+            nearest[:] = np.inf if triangles else 0.0
+            sums[:] = 0.0
+            _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums)
         layer, row, column = index // side**2, index // side % side * texels, index % side * texels
         tile = normals[layer, row : row + texels, column : column + texels]
         # Without colours the atlas has no layers; any array of its type will do.
