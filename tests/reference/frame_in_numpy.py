@@ -129,7 +129,9 @@ def compare(
     draw = functools.partial(numpy_picture, hierarchy, tiles, cut, view, whole=whole)
     picture = draw()
     drawn = picture.coverage > 0.0
-    stable = np.where(drawn, picture.margin > CLEAR * np.where(drawn, picture.depth, 1.0), True)
+    depths = np.where(drawn, picture.depth, view.near)
+    stable = np.where(drawn, picture.margin > clearance(view, depths), True)
+    stable &= ~slivers(hierarchy, cut, view, numpy_discs(hierarchy, tiles, cut, view, whole))
     changed = np.zeros(drawn.shape)
     for offset in SHIFTS:
         shifted = draw(offset)
@@ -153,8 +155,63 @@ def compare(
     )
 
 
+def clearance(view: View, depths: Float64Array) -> Float64Array:
+    """Return by how much depths must differ for no rounding to decide which is less."""
+    slab = view.far - view.near
+    # Steps of a 24-bit depth buffer: of 1 / depth in perspective.
+    step = 2.0**-24 * slab * (1.0 if view.is_parallel else depths * depths / (view.near * view.far))
+    return 16.0 * step + CLEAR * np.minimum(depths, slab)
+
+
 def angles(a: Float64Array, b: Float64Array) -> Float64Array:
     """Return the angles in degrees between unit vectors (..., 3)."""
     half = np.linalg.norm(a.astype(np.float64) - b.astype(np.float64), axis=-1)
     result: Float64Array = np.degrees(2.0 * np.arcsin(np.clip(0.5 * half, 0.0, 1.0)))
     return result
+
+
+# Mean width in pixels, twice the area over the perimeter, below which a primitive is a sliver: a rasteriser's grid
+# decides which pixels it meets, and no shift need show it.
+SLIVER = 0.1
+
+
+def slivers(hierarchy: Hierarchy, cut: Cut, view: View, discs: Discs) -> BoolArray:
+    """Return the pixels, (H, W), that slivers pass so closely that a rasteriser may or may not take them."""
+    polygons: list[Float64Array] = []
+    turn = 2.0 * np.pi * np.arange(32)[:, None] / 32
+    for i, radius in enumerate(discs.radii):
+        polygons.append(discs.centres[i] + radius * (np.cos(turn) * discs.o1[i] + np.sin(turn) * discs.o2[i]))
+    if isinstance(hierarchy.leaves, Triangles):
+        polygons += list(hierarchy.leaves.positions[cut.indices].astype(np.float64))
+    near = np.zeros((view.height, view.width), np.bool_)
+    rows, columns = np.mgrid[0 : view.height, 0 : view.width] + 0.5
+    pixels = np.stack([columns, rows], axis=-1)
+    for polygon in polygons:
+        eye = polygon @ view.eye_from_model[:3, :3].T + view.eye_from_model[:3, 3]
+        outline = _outline(view, eye)
+        # Positions in float32, close to the eye, where that is many pixels.
+        nearest = 1.0 if view.is_parallel else max(float(-eye[:, 2].max()), 0.5 * view.near)
+        blur = 2.0 * SHIFT + 2.0**-22 * float(view.pixels_of_unit(nearest)) * max(1.0, float(np.abs(eye).max()))
+        following = np.roll(outline, -1, axis=0)
+        area = abs(float((outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]).sum()))
+        edges = following - outline
+        if len(outline) == 0 or area > (SLIVER + blur) * float(np.linalg.norm(edges, axis=1).sum()):
+            continue
+        for start, edge in zip(outline, edges, strict=True):
+            offset = pixels - start
+            share = np.clip((offset @ edge) / max(float(edge @ edge), 1e-30), 0.0, 1.0)
+            near |= np.linalg.norm(offset - share[..., None] * edge, axis=-1) < blur
+    return near
+
+
+def _outline(view: View, polygon: Float64Array) -> Float64Array:
+    """Return in pixels what of a polygon, eye space (K, 3), lies beyond the near plane, (L, 2)."""
+    kept: list[Float64Array] = []
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        # A little before it: the visibility pass sees more than the attribute pass.
+        before, after = -a[2] - 0.5 * view.near, -b[2] - 0.5 * view.near
+        kept += [a] if before >= 0.0 else []
+        kept += [a + (b - a) * before / (before - after)] if (before < 0.0) != (after < 0.0) else []
+    points = np.array(kept).reshape(-1, 3)
+    across: Float64Array = points[:, :2] * np.array([1.0, -1.0]) * view.pixels_of_unit(-points[:, 2])[:, None]
+    return across + np.array([0.5 * view.width, 0.5 * view.height])

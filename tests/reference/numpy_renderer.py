@@ -229,7 +229,7 @@ def bilinear_tile(tile: Float64Array, u: Float64Array, v: Float64Array) -> Float
     return mixed
 
 
-def _disc_fragments(view: View, rays: Rays, discs: Discs, kernel: Kernel, facing_away: float) -> Iterator[Fragments]:
+def _disc_fragments(view: View, every: Rays, discs: Discs, kernel: Kernel, facing_away: float) -> Iterator[Fragments]:
     """Yield the fragments of each disc: where the ray meets its plane within its radius (Phong Splatting eq. 6)."""
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
     for i, radius in enumerate(discs.radii):
@@ -238,6 +238,9 @@ def _disc_fragments(view: View, rays: Rays, discs: Discs, kernel: Kernel, facing
         if away and facing_away == 0.0:
             continue
         plane = normal if discs.planes is None else rotation @ discs.planes[i]
+        corners = centre + radius * (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0)
+        window = _window(view, corners)
+        rays = Rays(every.starts[window], every.directions[window])
         slope = rays.directions @ plane
         parameter = np.divide((centre - rays.starts) @ plane, slope, out=np.zeros_like(slope), where=slope != 0.0)
         points = rays.starts + rays.directions * parameter[..., None]
@@ -245,29 +248,29 @@ def _disc_fragments(view: View, rays: Rays, discs: Discs, kernel: Kernel, facing
         epsilon = float(discs.epsilons[i])
         share = epsilon / max(float(np.linalg.norm(centre)), epsilon, np.finfo(np.float64).tiny)
         pushed = parameter + epsilon if view.is_parallel else (1.0 + share) * parameter
-        mask = (rho2 <= 1.0) & (pushed >= view.near) & (parameter <= view.far)
+        inside = (rho2 <= 1.0) & (pushed >= view.near) & (parameter <= view.far)
         if discs.boxes is not None and discs.angles is not None:
             at = (points - centre) @ rotation / radius
             x, y, c, s = at @ discs.o1[i], at @ discs.o2[i], np.cos(discs.angles[i]), np.sin(discs.angles[i])
             u, v, (left, right, low, high) = c * x + s * y, c * y - s * x, discs.boxes[i]
-            mask &= (u >= left) & (u <= right) & (v >= low) & (v <= high)
-        if not mask.any():
+            inside &= (u >= left) & (u <= right) & (v >= low) & (v <= high)
+        if not inside.any():
             continue
-        hit = points[mask]
+        hit = points[inside]
         offset = (hit - centre) @ rotation / radius
         if discs.tile_normals is None:
             normals = np.broadcast_to(discs.normals[i], hit.shape)
         else:
             normals = discs.tile_normals(i, offset @ discs.o1[i], offset @ discs.o2[i])
-        depth = parameter[mask]
-        weight = np.where(depth >= view.near, (facing_away if away else 1.0) * kernel(rho2[mask]), 0.0)
-        yield Fragments(mask, depth, pushed[mask], weight, normals)
+        depth = parameter[inside]
+        weight = np.where(depth >= view.near, (facing_away if away else 1.0) * kernel(rho2[inside]), 0.0)
+        yield Fragments(_whole(view, window, inside), depth, pushed[inside], weight, normals)
 
 
-def _triangle_fragments(view: View, rays: Rays, triangles: Triangles, facing_away: float) -> Iterator[Fragments]:
+def _triangle_fragments(view: View, every: Rays, triangles: Triangles, facing_away: float) -> Iterator[Fragments]:
     """Yield the fragments of each triangle: where the ray's barycentric coordinates are not negative."""
     rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
-    moments = rays.moments
+    moments_of_all = every.moments
     for corners, normals, epsilon in zip(triangles.corners, triangles.corner_normals, triangles.epsilons, strict=True):
         a, b, c = corners @ rotation.T + translation
         face = np.cross(b - a, c - a)
@@ -275,6 +278,8 @@ def _triangle_fragments(view: View, rays: Rays, triangles: Triangles, facing_awa
         height = -face[2] if view.is_parallel else np.dot(a, face)
         if height == 0.0 or (facing_away == 0.0 and height > 0.0):
             continue
+        window = _window(view, np.stack([a, b, c]))
+        rays, moments = Rays(every.starts[window], every.directions[window]), moments_of_all[window]
         # On which side of the ray each edge lies, and how far, is a barycentric coordinate up to a common factor.
         edges = ((b, c), (c, a), (a, b))
         sides = [rays.directions @ np.cross(p, q) - moments @ (q - p) for p, q in edges]
@@ -284,13 +289,33 @@ def _triangle_fragments(view: View, rays: Rays, triangles: Triangles, facing_awa
         coordinates = np.divide(coordinates, total[..., None], out=np.zeros_like(coordinates), where=inside[..., None])
         parameter = -(coordinates @ np.stack([a, b, c])[:, 2])
         pushed = parameter + float(epsilon) if view.is_parallel else (1.0 + float(epsilon)) * parameter
-        mask = inside & (pushed >= view.near) & (parameter <= view.far)
-        if not mask.any():
+        inside &= (pushed >= view.near) & (parameter <= view.far)
+        if not inside.any():
             continue
-        depth = parameter[mask]
-        shading = coordinates[mask] @ normals
+        depth = parameter[inside]
+        shading = coordinates[inside] @ normals
         length = np.linalg.norm(shading, axis=1, keepdims=True)
         shading = np.divide(shading, length, out=np.zeros_like(shading), where=length > 0.0)
         share = facing_away if height > 0.0 else 1.0
         weight = np.where(depth >= view.near, share * triangles.weight, 0.0)
-        yield Fragments(mask, depth, pushed[mask], weight, shading)
+        yield Fragments(_whole(view, window, inside), depth, pushed[inside], weight, shading)
+
+
+Window = tuple[slice, slice]
+
+
+def _window(view: View, points: Float64Array) -> Window:
+    """Return rows and columns that hold the convex hull of points, eye space (K, 3), with two pixels to spare."""
+    depths = -points[:, 2]
+    if not view.is_parallel and depths.min() <= 1e-9 * np.abs(points).max():
+        return slice(0, view.height), slice(0, view.width)
+    size = np.array([view.width, view.height])
+    pixels = 0.5 * size + points[:, :2] * np.array([1.0, -1.0]) * view.pixels_of_unit(depths)[:, None]
+    low, high = np.clip([pixels.min(axis=0) - 2.0, pixels.max(axis=0) + 2.0], 0, size).astype(int)
+    return slice(low[1], max(high[1], low[1])), slice(low[0], max(high[0], low[0]))
+
+
+def _whole(view: View, window: Window, inside: BoolArray) -> BoolArray:
+    mask = np.zeros((view.height, view.width), np.bool_)
+    mask[window] = inside
+    return mask
