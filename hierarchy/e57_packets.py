@@ -19,6 +19,9 @@ from hierarchy.part import AnyArray, UnreadableFile
 SECTION = struct.Struct("<B7xQQQ")
 SECTION_POINTS = 1
 
+# Starting threads costs as much as unpacking this many values, and a small file may have thousands of scans.
+MANY = 1 << 15
+
 PACKET_INDEX, PACKET_DATA, PACKET_IGNORED = 0, 1, 2
 
 
@@ -86,7 +89,8 @@ def _streams(section: bytes, place: int, fields: int, needs: dict[int, int]) -> 
 
 
 def _take_pieces(packet: bytes, fields: int, pieces: dict[int, list[bytes]], missing: dict[int, int]) -> None:
-    lengths = np.frombuffer(packet, "<u2", offset=4, count=(len(packet) - 4) // 2)
+    head = packet[4 : 6 + 2 * fields]
+    lengths = np.frombuffer(head, "<u2", len(head) // 2)
     if len(lengths) < 1 + fields or lengths[0] != fields:
         raise UnreadableFile("damaged: a packet does not have the fields of the points")
     ends = 6 + 2 * fields + np.cumsum(lengths[1 : 1 + fields], dtype=np.int64)
@@ -124,9 +128,22 @@ def _bits_at(data: AnyArray, place: int, bits: int) -> np.uint64:
     return value & (np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(64 - bits))
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def unpack_bits(data: AnyArray, bits: int, count: int) -> AnyArray:
     """Return `count` integers of `bits` bits each from `data`, uint8 with nine bytes to spare: uint64 (count,)."""
+    values: AnyArray = (_unpack_few if count < MANY else _unpack_many)(data, bits, count)
+    return values
+
+
+@numba.njit(cache=True, nogil=True)
+def _unpack_few(data: AnyArray, bits: int, count: int) -> AnyArray:
+    values = np.empty(count, np.uint64)
+    for i in range(count):
+        values[i] = _bits_at(data, i * bits, bits)
+    return values
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def _unpack_many(data: AnyArray, bits: int, count: int) -> AnyArray:
     values = np.empty(count, np.uint64)
     for i in numba.prange(count):
         values[i] = _bits_at(data, i * bits, bits)

@@ -19,6 +19,9 @@ from hierarchy.part import AnyArray, UnreadableFile
 PAGE, CONTENT = 1024, 1020
 HEADER = struct.Struct("<8sIIQQQQ")
 
+# Starting threads costs as much as this many pages, and a small file may have thousands of scans of one page each.
+MANY = 256
+
 # Castagnoli's polynomial, lowest bit first.
 POLYNOMIAL = 0x82F63B78
 
@@ -63,7 +66,7 @@ class PagedFile:
             raise UnreadableFile("truncated: the file became shorter while it was read")
         data = data.reshape(-1, PAGE)
         stored = data[:, CONTENT:].copy().view(">u4")[:, 0]
-        wrong = np.flatnonzero(page_checksums(data, CHECKSUM_TABLE) != stored)
+        wrong = np.flatnonzero(page_checksums(data) != stored)
         if len(wrong):
             raise UnreadableFile(f"damaged: page {first + int(wrong[0])} does not agree with its checksum")
         return data[:, :CONTENT].ravel()[skip : skip + length]
@@ -93,9 +96,22 @@ def _page_checksum(page: AnyArray, table: AnyArray) -> np.uint32:
     return checksum ^ np.uint32(0xFFFFFFFF)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def page_checksums(pages: AnyArray, table: AnyArray) -> AnyArray:
+def page_checksums(pages: AnyArray) -> UInt32Array:
     """Return the CRC-32C of the content of each of `pages`, uint8 (P, 1024): uint32 (P,)."""
+    checksums: UInt32Array = (_few_checksums if len(pages) < MANY else _many_checksums)(pages, CHECKSUM_TABLE)
+    return checksums
+
+
+@numba.njit(cache=True, nogil=True)
+def _few_checksums(pages: AnyArray, table: AnyArray) -> AnyArray:
+    checksums = np.empty(len(pages), np.uint32)
+    for i in range(len(pages)):
+        checksums[i] = _page_checksum(pages[i], table)
+    return checksums
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def _many_checksums(pages: AnyArray, table: AnyArray) -> AnyArray:
     checksums = np.empty(len(pages), np.uint32)
     for i in numba.prange(len(pages)):
         checksums[i] = _page_checksum(pages[i], table)

@@ -1,8 +1,9 @@
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from e57_writer import crc32c, double, integer, physical, scan, single, write_e57
+from e57_writer import crc32c, double, integer, physical, reseal, scan, single, write_e57
 
 from hierarchy.e57 import read_e57
 from hierarchy.e57_packets import unpack_bits
@@ -62,8 +63,10 @@ def test_scaled_integers_across_packets(tmp_path, piece):
     np.testing.assert_allclose(part.positions, raw * 0.001 + 5.0, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("many", [10, 1000])
 @pytest.mark.parametrize("bits", [1, 2, 7, 8, 9, 31, 32, 33, 57, 58, 63, 64])
-def test_unpacking_every_width_of_bits(bits):
+def test_unpacking_every_width_of_bits(monkeypatch, bits, many):
+    monkeypatch.setattr("hierarchy.e57_packets.MANY", many)
     values = [int(v) for v in RNG.integers(0, 2**bits, 200, dtype=np.uint64, endpoint=False)] if bits < 64 else None
     values = values or [int(v) for v in RNG.integers(0, 2**64 - 1, 200, dtype=np.uint64, endpoint=True)]
     values[:2] = [2**bits - 1, 0]
@@ -163,7 +166,9 @@ def test_no_points(tmp_path, scans):
         read_e57(write_e57(tmp_path / "a.e57", scans), [])
 
 
-def test_a_changed_bit_fails_its_page(tmp_path):
+@pytest.mark.parametrize("many", [1, 1000])
+def test_a_changed_bit_fails_its_page(monkeypatch, tmp_path, many):
+    monkeypatch.setattr("hierarchy.e57_pages.MANY", many)
     path = write_e57(tmp_path / "a.e57", [scan(500, cartesian(POINTS))])
     data = bytearray(path.read_bytes())
     data[3000] ^= 1
@@ -189,6 +194,26 @@ def test_scans_that_share_their_points(tmp_path):
     scans = [scan(500, cartesian(POINTS))] * 4
     with pytest.raises(UnreadableFile, match="scans overlap"):
         read_e57(write_e57(tmp_path / "a.e57", scans, shared=True), [])
+
+
+def test_thousands_of_scans_of_one_point_each(tmp_path):
+    # Every one with packets and pages of its own, of which each costs more to start on than to read.
+    scans = [scan(1, cartesian(POINTS[[i % 500]])) for i in range(2000)]
+    write_e57(tmp_path / "a.e57", scans)
+    start = time.thread_time()
+    assert len(read_e57(tmp_path / "a.e57", [])) == 2000
+    # Measured: 0.6 s.
+    assert time.thread_time() - start < 5.0
+
+
+def test_a_packet_shorter_than_its_own_head(tmp_path):
+    path = write_e57(tmp_path / "a.e57", [scan(500, cartesian(POINTS))])
+    data = bytearray(path.read_bytes())
+    # The first packet, behind the header of the section, then is two bytes long.
+    data[82:84] = b"\x01\x00"
+    path.write_bytes(reseal(bytes(data)))
+    with pytest.raises(UnreadableFile, match="does not have the fields"):
+        read_e57(path, [])
 
 
 def test_a_range_that_is_none(tmp_path):
