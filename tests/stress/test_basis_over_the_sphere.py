@@ -87,7 +87,7 @@ def seams(rng, count):
 
 
 def test_frames_all_over_the_sphere_and_at_its_seams(ledger, amount, rng):
-    count = amount(20_000, 400_000)
+    count = amount(20_000, 160_000)
     random = rng.normal(size=(count, 3))
     random /= np.linalg.norm(random, axis=1, keepdims=True)
     for name, normals in (("all over the sphere", random), ("seams", seams(rng, count // 4))):

@@ -90,7 +90,7 @@ KINDS = {"on a circle": ring, "on a great circle": arc, "all over a cap": filled
 def test_caps_of_known_half_angles(ledger, amount, rng, kind):
     """From 1e-15 radians to 90 degrees less 1e-13."""
     worst = 0.0
-    count = amount(900, 30_000)
+    count = amount(600, 12_000)
     sizes = rng.choice([2, 3, 4, 7, 20, 60], count)
     ends = 10.0 ** rng.uniform(-15.0, 0.0, count)
     for k, turn in enumerate(turns(rng, count)):
@@ -110,7 +110,7 @@ def test_caps_of_known_half_angles(ledger, amount, rng, kind):
 
 
 def test_caps_of_random_normals_are_those_of_brute_force(ledger, amount, rng):
-    worst, count = 0.0, amount(250, 4_000)
+    worst, count = 0.0, amount(150, 3_000)
     for _ in range(count):
         spread = 10.0 ** rng.uniform(-9.0, 0.7)
         vectors = unit(unit(rng.normal(size=3)) + spread * rng.normal(size=(rng.integers(1, 9), 3)))
