@@ -60,6 +60,7 @@ class ViewerWindow(WindowConfig):
         self._gestures = Gestures(self._viewport.depth_at)
         self._chooser = FileChooser()
         self._unsettled = SETTLING_FRAMES
+        self._shown: tuple[object, ...] = ()
         self._iconified = self._idle = False
         wnd.on_repaint = self._stir
         self._actions = self._make_actions()
@@ -104,14 +105,16 @@ class ViewerWindow(WindowConfig):
         """Take over finished work and draw what has changed: the model, or only what lies around it."""
         viewer, state = self._viewer, self._viewer.state
         self._viewport.size = self._picture_size()
-        task = viewer.task
         viewer.poll(self._viewport.size)
         chosen = self._chooser.poll()
         if chosen is not None:
             viewer.open_path(chosen)
-        count = len(state.messages)
         state.drop_old_messages(time.monotonic())
-        if task is not None or viewer.task is not None or len(state.messages) != count:
+        shown = (viewer.task, tuple(state.messages))
+        if shown != self._shown:
+            # ImGui hides what is new for a frame, to measure it.
+            self._shown, self._unsettled = shown, SETTLING_FRAMES
+        elif viewer.task is not None:
             self._unsettled = max(self._unsettled, 1)
         if self._iconified:
             return

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ledger import Ledger
+from PIL import ImageGrab
 from window_driver import SCREEN, why_not
 
 from app.errors import GraphicsError
@@ -293,6 +294,17 @@ def test_the_window_ends_at_any_moment(
         "faults", f"the window: {how.__name__.replace('_', ' ')}", "at moments from the start to rest",
         cases=len(delays), worst=len(bad), bound=0, unit="bad ends",
     )  # fmt: skip
+
+
+@needs_screen
+@only_whole
+def test_a_bad_file_on_the_command_line_is_said_in_the_window_for_as_long_as_it_takes(folder: Path) -> None:
+    with Program(folder, "broken.ply", "--resolution", "900,600") as program:
+        program.wait_for_window()
+        time.sleep(15.0)
+        screen = ImageGrab.grab((0, 0, 500, 120), xdisplay=program.environment["DISPLAY"])
+    # Bright letters in the corner of an empty picture, without a move of the mouse.
+    assert (np.asarray(screen.convert("L")) > 180).sum() > 50
 
 
 @needs_screen
