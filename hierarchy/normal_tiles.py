@@ -89,6 +89,18 @@ def _reach(radius, sphere, texels):  # type: ignore[no-untyped-def]
     return max(sphere, radius * beyond)
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def _texels_between(low, high, texels):  # type: ignore[no-untyped-def]
+    """Return the first and the last of the texels 0 .. texels - 1 in [low, high]; the last comes first if none is.
+
+    Cut off before they are rounded: what no integer can hold, as where a primitive lies 1e30 radii away, would become
+    any integer, and the loop over it endless.
+    """
+    if not (high >= 0.0 and low <= texels - 1.0):
+        return 0, -1
+    return math.ceil(max(low, 0.0)), math.floor(min(high, texels - 1.0))
+
+
 @nb.njit(cache=True, nogil=True)
 def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, sums):  # type: ignore[no-untyped-def]
     """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
@@ -107,10 +119,8 @@ def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, 
         return 0
     texels = len(height)
     slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
-    left = max(math.ceil(min(ax, bx, cx) - EDGE_SLACK), 0)
-    right = min(math.floor(max(ax, bx, cx) + EDGE_SLACK), texels - 1)
-    low = max(math.ceil(min(ay, by, cy) - EDGE_SLACK), 0)
-    high = min(math.floor(max(ay, by, cy) + EDGE_SLACK), texels - 1)
+    left, right = _texels_between(min(ax, bx, cx) - EDGE_SLACK, max(ax, bx, cx) + EDGE_SLACK, texels)
+    low, high = _texels_between(min(ay, by, cy) - EDGE_SLACK, max(ay, by, cy) + EDGE_SLACK, texels)
     for y in range(low, high + 1):
         for x in range(left, right + 1):
             wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
@@ -152,10 +162,8 @@ def _scatter_surfel(corner, radius, leaf, normals, colors, spacing, offset, weig
     # Not 1 - a^2: at grazing angles that is what the stored normal is off unit length.
     extent_u = radius * math.sqrt(b * b + c * c)
     extent_v = radius * math.sqrt(a * a + c * c)
-    left = max(math.ceil((u - extent_u) / spacing + offset), 0)
-    right = min(math.floor((u + extent_u) / spacing + offset), texels - 1)
-    low = max(math.ceil((v - extent_v) / spacing + offset), 0)
-    high = min(math.floor((v + extent_v) / spacing + offset), texels - 1)
+    left, right = _texels_between((u - extent_u) / spacing + offset, (u + extent_u) / spacing + offset, texels)
+    low, high = _texels_between((v - extent_v) / spacing + offset, (v + extent_v) / spacing + offset, texels)
     for y in range(low, high + 1):
         for x in range(left, right + 1):
             du, dv = (x - offset) * spacing - u, (y - offset) * spacing - v

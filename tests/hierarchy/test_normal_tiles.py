@@ -1,6 +1,7 @@
 """Normal tiles against evaluating the papers' sums texel by texel, and against casting rays."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hierarchy.encoding import decode_hemisphere, encode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.kernel import SHARPNESS
 from hierarchy.leaves import Triangles
+from hierarchy.meteoroid import make_meteoroid
 from hierarchy.model import Cancelled
 from hierarchy.normal_tiles import LAYER_SIZE, bake_tiles
 
@@ -372,3 +374,12 @@ def test_leaf_surfels_have_no_tiles():
     count = hierarchy.node_count
     splats = np.array([0, count - 1, count, count + hierarchy.leaf_count - 1], np.uint32)
     assert tiles.tiles_of(splats).tolist() == [0, count - 1, -1, -1]
+
+
+def test_corner_that_is_farther_away_than_integers_count_texels():
+    """Such a texel's number is undefined: a loop up to it did not end."""
+    hierarchy = build_hierarchy(make_meteoroid(500))
+    positions = hierarchy.leaves.positions.copy()
+    positions[[7, 50, 200]] *= np.float32(1e38)
+    far = replace(hierarchy, leaves=replace(hierarchy.leaves, positions=positions))
+    assert bake_tiles(far, 4).count == hierarchy.node_count
