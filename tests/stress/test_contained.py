@@ -55,7 +55,7 @@ def read_plain_las(path: Path) -> None:
     ],
 )
 def test_readers_of_our_own_answer_at_once(kind, seeds, read, also, ledger, amount, rng, tmp_path):
-    cases, slowest, complaints = amount(150, 10_000), 0.0, []
+    cases, slowest, complaints = amount(150, 8_000), 0.0, []
     path = tmp_path / "damaged"
     # The first call compiles.
     path.write_bytes(seeds()[0].files[seeds()[0].mutated])
@@ -79,7 +79,7 @@ def test_readers_of_our_own_answer_at_once(kind, seeds, read, also, ledger, amou
 
 
 def test_the_reader_in_a_child_process_answers_within_its_limits(ledger, amount, rng, tmp_path):
-    cases = amount(6, 240)
+    cases = amount(6, 200)
 
     def one(numbered: tuple[int, bytes]) -> str:
         path = tmp_path / f"{numbered[0]}.laz"
