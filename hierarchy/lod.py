@@ -17,15 +17,13 @@ from dataclasses import dataclass
 import numba as nb
 import numpy as np
 
-from hierarchy.area_vector import area_vector
 from hierarchy.cones import EVERYTHING
+from hierarchy.facing import BACK, FRONT, SILHOUETTE, classify_cone, classify_cone_printed, faces_away
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.model import Float64Array, UInt32Array
 from hierarchy.view import View
 from hierarchy.visible_openings import NO_CAP_IN_VIEW, beside_caps, hidden_backs, screen_rows
-
-FRONT, SILHOUETTE, BACK = 0, 1, 2
 
 # A silhouette surfel is fine enough where its footprint stays within this share of r_sil of its plane: then it sticks
 # out by a fraction of r_sil only, however wide it is. At r_sil 2 and r_inner 16 the mean of four views of Igea takes
@@ -79,53 +77,6 @@ class Cut:
         return self.silhouette_splats + self.silhouette_triangles
 
 
-# What nodes store is rounded to float32: an axis may be 5.2e-8 longer or shorter than 1, and a sine smaller by a share of
-# 6e-8 than its cosine has it. Beside a right angle that would be an angle of 4e-4; with a share of 2.5e-7 off what faces
-# the eye, or away, whatever is called one side is on it.
-CERTAIN = 1.0 - 2.5e-7
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def classify_cone(facing, distance2, sphere, cone_sin, cone_cos):  # type: ignore[no-untyped-def]
-    """Tell whether the normals of a cone, anywhere in a sphere, face the eye, face away, or both.
-
-    facing : dot product of the cone's axis with the vector from the eye to the sphere's centre
-    distance2 : squared distance of that centre from the eye
-    sphere : radius of the sphere
-
-    With sin(gamma) = sphere / distance, all face away where the axis is within 90 - beta - gamma degrees of the
-    line of sight; multiplied by the distance no division is left.
-    """
-    if cone_cos == EVERYTHING or distance2 <= sphere * sphere:
-        return SILHOUETTE
-    tangent = math.sqrt(distance2 - sphere * sphere)
-    if cone_cos * tangent <= cone_sin * sphere:
-        return SILHOUETTE
-    limit = cone_sin * tangent + cone_cos * sphere
-    if CERTAIN * facing >= limit:
-        return BACK
-    if CERTAIN * facing <= -limit:
-        return FRONT
-    return SILHOUETTE
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def classify_cone_printed(facing, cone_sin, cone_cos, sin_view, cos_view):  # type: ignore[no-untyped-def]
-    """The test as printed in section 5, for comparison.
-
-    facing : dot product of the cone's axis with the normalised viewing vector
-    sin_view, cos_view : of the field-of-view angle alpha
-    """
-    if cone_cos == EVERYTHING or cone_cos * cos_view <= cone_sin * sin_view:
-        return SILHOUETTE
-    limit = cone_sin * cos_view + cone_cos * sin_view
-    if facing > limit:
-        return BACK
-    if facing <= -limit:
-        return FRONT
-    return SILHOUETTE
-
-
 @nb.njit(cache=True, nogil=True, inline="always")
 def _outside(planes, x, y, z, radius):  # type: ignore[no-untyped-def]
     """Tell whether a sphere, centre relative to the eye, lies wholly behind one of the planes."""
@@ -133,14 +84,6 @@ def _outside(planes, x, y, z, radius):  # type: ignore[no-untyped-def]
         if planes[p, 0] * x + planes[p, 1] * y + planes[p, 2] * z + planes[p, 3] < -radius:
             return True
     return False
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def _faces_away(positions, a, b, c, eye):  # type: ignore[no-untyped-def]
-    """Tell whether the eye (homogeneous) lies behind the plane of a triangle, or in it."""
-    nx, ny, nz = area_vector(positions, a, b, c)
-    px, py, pz = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
-    return nx * (eye[3] * px - eye[0]) + ny * (eye[3] * py - eye[1]) + nz * (eye[3] * pz - eye[2]) >= 0.0
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -249,7 +192,7 @@ def _select(nodes, positions, indices, planes, eye4, view, limits, cull_back, op
                 if triangles:
                     a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
                     bare = any_bare and bare_before[leaf] < bare_before[leaf + 1]
-                    if hides_backs and not bare and _faces_away(positions, a, b, c, eye4):
+                    if hides_backs and not bare and faces_away(positions, a, b, c, eye4):
                         continue
                     if silhouette:
                         slot = sil_triangles

@@ -149,7 +149,7 @@ def test_a_cut_that_changes_changes_the_picture_by_no_more_than_both_promise(led
 
 
 def test_a_cut_that_stays_changes_in_proportion_to_the_step(ledger, amount, rng, stage, scenes):
-    count, worst, tried = amount(4, 300), 0.0, 0
+    count, worst, tried = amount(4, 150), 0.0, 0
     for scene, path in paths(scenes, rng, count):
         start = rng.uniform(0, 80)
         here, step, pixel = (draw(stage, scene, path(start + by)) for by in (0.0, STEP, 1.0))

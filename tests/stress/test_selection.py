@@ -7,39 +7,22 @@ import math
 import numba as nb
 import numpy as np
 import pytest
-from brute_selection import clip_planes, side_as_printed
+from brute_selection import side_as_printed
 from cone_cases import Cases, random_cones, tiny, too_wide, too_wide_exactly, units
-from exact import cross, rational
-from scene_views import VIEWS
-from small_models import box, bumpy_sphere, icosphere, mesh_of, thin_sheet
+from edge_on import EDGE_ON, PIXELS, visible_thickness
 
-from hierarchy.build import build_hierarchy
 from hierarchy.cones import EVERYTHING
-from hierarchy.hierarchy import Hierarchy
-from hierarchy.lod import (
-    BACK,
-    FRONT,
-    SILHOUETTE,
-    _faces_away,
-    _outside,
-    classify_cone,
-    classify_cone_printed,
-    frustum_planes,
-    select_cut,
-)
-from hierarchy.view import NEAR_OVER_FAR, View, look_at
+from hierarchy.facing import BACK, FRONT, SILHOUETTE, classify_cone, classify_cone_printed, faces_away
+from hierarchy.lod import _outside, frustum_planes
+from hierarchy.view import View, look_at
 
 # Nearer to its limit than this (radians), a cone is judged in sixty digits: long doubles have nineteen.
 DOUBTFUL = 1e-8
 # By how much a cone may face away (radians) and still be taken for silhouette: 2.5e-7 of a cosine near 1 is the margin
-# for the rounding of what nodes store.
-MISSED = math.sqrt(2.0 * 2.5e-7) * 1.02
-# The largest picture, and what rounding may take off it at its border: some tens of units in the last place.
-PIXELS = 16_384
+# for the rounding of what nodes store, which itself is half of that.
+MISSED = math.sqrt(2.0 * (2.5e-7 + 1.2e-7))
+# What rounding may take off the largest picture at its border: some tens of units in the last place.
 SLIVER = 64 * 2.0**-53 * PIXELS
-# The height of an eye before a triangle's plane is off by 8 units in the last place of its edges times its distance;
-# seen past a corner as near as the near plane that is 1 / NEAR_OVER_FAR times as thick.
-EDGE_ON = 8 * 2.0**-53 * PIXELS / NEAR_OVER_FAR
 
 
 @nb.njit
@@ -67,7 +50,7 @@ def falsely(cases: Cases, sides: np.ndarray, side: int, excess: np.ndarray) -> f
     return max([*exact, 0.0])
 
 
-def test_no_cone_faces_away_or_the_eye_that_does_not(ledger, amount, rng):
+def test_no_conefaces_away_or_the_eye_that_does_not(ledger, amount, rng):
     cases = random_cones(rng, amount(10_000, 600_000))
     sides = sides_of(cases)
     back, front = too_wide(cases)
@@ -170,31 +153,7 @@ def test_the_frustum_culls_no_visible_point(ledger, amount, rng):
     ledger.record("kernels", "frustum culling", tried, cases=views * points, worst=worst, bound=SLIVER, unit="px")
 
 
-def visible_thickness(corners: np.ndarray, eye: np.ndarray) -> float:
-    """Return how thick the front of a triangle (3, 3) is for an eye (homogeneous), in pixels; 0, exactly, for a back.
-
-    The picture is the largest, and as narrow as holds the triangle, but not less than 1 degree, or a ten-thousandth of
-    the model where rays are parallel.
-    """
-    a, b, c = rational(corners)
-    e, w = rational(eye[:3]), rational(eye[3:])[0]
-    height = -(cross(b - a, c - a) * (w * a - e)).sum()
-    if height <= 0:
-        return 0.0
-    if eye[3] == 0.0:
-        lengths = [np.linalg.norm(np.cross(edge, eye[:3])) for edge in np.diff(corners[[0, 1, 2, 0]], axis=0)]
-        area, narrowest = float(height), 1e-4
-    else:
-        distances = np.linalg.norm(corners - eye[:3], axis=1)
-        distances = np.maximum(distances, NEAR_OVER_FAR * distances.max())
-        directions = (corners - eye[:3]) / distances[:, None]
-        lengths = [np.linalg.norm(np.cross(directions[i], directions[i - 1])) for i in range(3)]
-        area, narrowest = float(height) / float(np.prod(distances)), math.radians(1.0)
-    longest = max(lengths)
-    return area / longest * PIXELS / max(longest, narrowest) if longest > 0.0 else 0.0
-
-
-def test_no_leaf_triangle_that_is_seen_faces_away(ledger, amount, rng):
+def test_no_leaf_triangle_that_is_seenfaces_away(ledger, amount, rng):
     count, worst, culled = amount(2_000, 60_000), 0.0, 0
     for _ in range(count):
         a, u, v = rng.normal(size=(3, 3)) * [[0.5], [10.0 ** rng.uniform(-6, 0)], [10.0 ** rng.uniform(-6, 0)]]
@@ -213,104 +172,10 @@ def test_no_leaf_triangle_that_is_seen_faces_away(ledger, amount, rng):
             eye = np.append(sight / length if length > 0.0 else [0.0, 0.0, 1.0], 0.0)
         else:
             eye = np.append(a + s * u + t * v + beside, 1.0)
-        if _faces_away(corners, 0, 1, 2, eye):
+        if faces_away(corners, 0, 1, 2, eye):
             culled += 1
             worst = max(worst, visible_thickness(corners.astype(float), eye))
     assert count // 4 < culled < count
     tried = "needles to 1e-17, eyes in their planes or 1e-17 before them, from within to 1e7 edges away, parallel rays"
     what = "front of a culled leaf triangle"
     ledger.record("kernels", what, tried, cases=count, worst=worst, bound=EDGE_ON, unit="px thick")
-
-
-MODELS = {
-    "bumpy sphere": lambda: bumpy_sphere(12),
-    "box": box,
-    "thin sheet": lambda: thin_sheet(12, 1e-4),
-    "needles": lambda: mesh_of(*needle_sphere()),
-}
-
-
-def needle_sphere() -> tuple[np.ndarray, np.ndarray]:
-    """Return a sphere that is a ten-thousandth as wide as it is long."""
-    mesh = icosphere(8)
-    return mesh.positions * [1e-4, 1.0, 1.0], mesh.faces
-
-
-@pytest.fixture(scope="module")
-def hierarchies() -> dict[str, Hierarchy]:
-    return {name: build_hierarchy(make(), min_leaves=2) for name, make in MODELS.items()}
-
-
-def nasty_views(hierarchy: Hierarchy, rng: np.random.Generator) -> list[View]:
-    """Return views from in, on and next to the spheres of nodes and the corners of leaves, and all of VIEWS."""
-    node = hierarchy.nodes[rng.integers(hierarchy.node_count)]
-    centre, sphere = np.array([node["x"], node["y"], node["z"]], float), float(node["sphere"])
-    corner = hierarchy.leaves.positions[rng.integers(len(hierarchy.leaves.positions))].astype(float)
-    direction, up = units(rng, 2)
-    axis = np.eye(3)[rng.integers(3)]
-    eyes = [centre, centre + sphere * axis, centre + sphere * (1 + tiny(rng, 1)[0]) * direction, corner]
-    eyes += [corner + tiny(rng, 1)[0] * direction, 10.0 ** rng.uniform(0, 6) * hierarchy.radius * direction]
-    views = []
-    for eye in eyes:
-        focus = eye + rng.normal(size=3) if rng.random() < 0.3 else 0.3 * hierarchy.radius * rng.normal(size=3)
-        scale = rng.choice([1e-3, 0.3, 1.5]) * hierarchy.radius
-        for parallel_scale in (None, scale):
-            angle = math.radians(rng.choice([1.0, 45.0, 170.0]))
-            bounds = hierarchy.bounds
-            views.append(look_at(eye, focus, up, angle, (97, 61), bounds=bounds, parallel_scale=parallel_scale))
-    return views + [make(hierarchy, (64, 64)) for make in VIEWS.values()]
-
-
-def may_face(corners: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Tell which triangles (N, 3, 3) do not face away beyond doubt, without exact arithmetic."""
-    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], eye[3] * corners[:, 0] - eye[:3]
-    sizes = np.prod([np.linalg.norm(each, axis=1) for each in (u, v, w)], axis=0)
-    return (np.cross(u, v) * w).sum(axis=1) <= 1e-12 * sizes
-
-
-def drawn_times(hierarchy: Hierarchy, cut) -> np.ndarray:  # type: ignore[no-untyped-def]
-    """Return how often each leaf is drawn, or stood for by a splat."""
-    number = {tuple(row): leaf for leaf, row in enumerate(hierarchy.leaves.indices.tolist())}
-    times = np.zeros(hierarchy.leaf_count, int)
-    np.add.at(times, [number[tuple(row)] for row in cut.indices.tolist()], 1)
-    for node in hierarchy.nodes[cut.splats]:
-        times[node["leaf_begin"] : node["leaf_end"]] += 1
-    return times
-
-
-RADII = [(0.0, 0.0), (1e-300, 1e-300), (2.0, 16.0), (0.0, 1e308), (1e308, 0.0), (1e308, 1e308), (5e-324, 32.0)]
-
-
-def test_what_a_cut_leaves_out_is_not_seen(ledger, amount, rng, hierarchies):
-    thickest, largest, cases = 0.0, 0.0, 0
-    for _ in range(amount(1, 30)):
-        for hierarchy in hierarchies.values():
-            corners = hierarchy.leaves.positions[hierarchy.leaves.indices].astype(float)
-            for view in nasty_views(hierarchy, rng):
-                radii = RADII[rng.integers(len(RADII))]
-                with np.errstate(all="raise"):
-                    cut = select_cut(hierarchy, view, *radii)
-                times = drawn_times(hierarchy, cut)
-                assert times.max(initial=0) <= 1
-                planes = clip_planes(view)
-                # Beyond a plane with all corners, but for what rounding makes of far eyes.
-                heights = corners @ planes[:, :3].T + planes[:, 3]
-                outside = (heights < 1e-15 * (1.0 + np.linalg.norm(view.eye))).all(axis=1).any(axis=1)
-                for leaf in np.flatnonzero((times == 0) & ~outside & may_face(corners, view.homogeneous_eye)):
-                    thickest = max(thickest, visible_thickness(corners[leaf], view.homogeneous_eye))
-                largest = max(largest, oversize(hierarchy, view, cut, max(radii)))
-                cases += hierarchy.leaf_count
-    tried = "eyes in, on and 1e-17 beside spheres and corners, to 1e6 radii away; radii 0, 5e-324 and 1e308"
-    ledger.record("kernels", "front of any culled leaf", tried, cases=cases, worst=thickest, bound=EDGE_ON, unit="px")
-    ledger.record("kernels", "radius of a splat beyond its limit", tried, cases=cases, worst=largest, bound=1e-14)
-
-
-def oversize(hierarchy: Hierarchy, view: View, cut, limit: float) -> float:  # type: ignore[no-untyped-def]
-    """Return the share by which the largest splat of a cut exceeds its limit, in long doubles."""
-    nodes = hierarchy.nodes[cut.splats]
-    if limit > 1e300 or len(nodes) == 0:
-        return 0.0
-    centres = np.stack([nodes[axis] for axis in "xyz"], 1).astype(np.longdouble) - view.eye
-    depths = centres @ -view.eye_from_model[2, :3].astype(np.longdouble)
-    pixels = nodes["radius"] * np.longdouble(view.focal_pixels) / (1 if view.is_parallel else depths)
-    return float((pixels / np.longdouble(limit)).max() - 1)
