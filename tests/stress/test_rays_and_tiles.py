@@ -129,8 +129,9 @@ def test_a_wall_seen_edge_on_interpolates_between_its_corners(ledger, amount, rn
 
 
 def rough(rng):
-    model = bumpy_sphere(int(rng.integers(2, 4)), float(rng.uniform(0.0, 0.6)))
-    squeezed = turned(model.positions, int(rng.integers(1000))) * [1.0, 1.0, 10.0 ** rng.uniform(-4.0, 0.0)]
+    # Higher lobes, or flatter in float32, would pass through each other.
+    model = bumpy_sphere(int(rng.integers(2, 4)), float(rng.uniform(0.0, 0.35)))
+    squeezed = turned(model.positions, int(rng.integers(1000))) * [1.0, 1.0, 10.0 ** rng.uniform(-2.0, 0.0)]
     return mesh_of(squeezed + rng.choice([0.0, 1.0]) * rng.normal(size=3), model.faces, closed=True)
 
 
@@ -210,7 +211,7 @@ def test_winding_numbers_beside_the_surface(ledger, amount, rng):
         # Beside edges and corners it is one or the other, never a crossing lost or counted twice.
         wrong += (~np.isin(np.concatenate([outside, inside]), [0, 1])).sum()
         cases += 2 * len(faces)
-    tried = "1e-13 to 1e-10 of a model beside faces, edges and corners, on both sides; squeezed to 1e-4: wrong numbers"
+    tried = "1e-13 to 1e-10 of a model beside faces, edges and corners, on both sides; squeezed to 1e-2: wrong numbers"
     ledger.record("kernels", "winding numbers", tried, cases=cases, worst=wrong, bound=0)
 
 
