@@ -196,7 +196,8 @@ def test_outputs_on_a_disk_that_fails(ledger, amount, rng, tmp_path, failing):
         wrong += path.read_bytes() != good[path] or len(list(tmp_path.iterdir())) != 2
     ledger.record(
         "faults", "pictures and arrays on a disk that fails", "no room, over quota, broken or read-only after any "
-        "number of bytes, over an older file", cases=cases, worst=wrong, bound=0, unit="lost, left or not told in a line",
+        "number of bytes, over an older file", cases=cases, worst=wrong, bound=0,
+        unit="lost, left or not told in a line",
     )  # fmt: skip
 
 
