@@ -49,11 +49,12 @@ class Targets:
             self.visible_depth = held.add(ctx.depth_texture(size))
             # Read with texelFetch, never compared.
             self.visible_depth.compare_func = ""
+            # In half floats a sum stays where it is once what comes is half a unit of its last place: some hundred splats
+            # in a pixel bent the normal by degrees.
             self.sums: dict[str, moderngl.Texture] = {"normal": held.add(ctx.texture(size, 4, dtype="f4"))}
             if color:
                 self.sums["color"] = held.add(ctx.texture(size, 4, dtype="f4"))
             if depth:
-                # Distances need more than the 11 bits of a half float.
                 self.sums["depth"] = held.add(ctx.texture(size, 2, dtype="f4"))
             if tint:
                 self.sums["tint"] = held.add(ctx.texture(size, 4, dtype="f4"))

@@ -69,7 +69,7 @@ def resolved(
     def sums(values: Float32Array) -> bytes:
         return (
             np.where(hit[..., None], np.concatenate([values, np.ones_like(values[..., :1])], -1), 0.0)[::-1]
-            .astype(np.float16)
+            .astype(np.float32)
             .tobytes()
         )
 

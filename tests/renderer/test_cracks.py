@@ -23,7 +23,7 @@ def test_random_patterns(ctx: moderngl.Context, covered_share: float) -> None:
 
     targets, resolve = Targets(ctx, shape[::-1], color=False, depth=True), Resolve(ctx)
     sums = np.concatenate([normal, weight[..., None]], axis=-1)
-    targets.sums["normal"].write(np.ascontiguousarray(sums[::-1].astype(np.float16)), alignment=1)
+    targets.sums["normal"].write(np.ascontiguousarray(sums[::-1].astype(np.float32)), alignment=1)
     targets.sums["depth"].write(np.ascontiguousarray(np.stack([depth, weight], -1)[::-1].astype(np.float32)))
     eye_normal, eye_depth = resolve.arrays(targets)
     ctx.detect_framebuffer(0).use()
