@@ -195,7 +195,9 @@ def slivers(hierarchy: Hierarchy, cut: Cut, view: View, discs: Discs) -> BoolArr
         following = np.roll(outline, -1, axis=0)
         area = abs(float((outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]).sum()))
         edges = following - outline
-        if len(outline) == 0 or area > (SLIVER + blur) * float(np.linalg.norm(edges, axis=1).sum()):
+        # What reaches behind the eye is a wedge, and a sliver where it is far away.
+        wide = area > (SLIVER + blur) * float(np.linalg.norm(edges, axis=1).sum())
+        if len(outline) == 0 or (wide and -eye[:, 2].max() > view.near):
             continue
         for start, edge in zip(outline, edges, strict=True):
             offset = pixels - start
