@@ -262,7 +262,7 @@ def test_a_triangle_of_no_area_whose_normals_cancel_has_a_surfel():
 
 
 def test_rectangles_of_tiny_discs_far_from_the_origin(rng):
-    """A disc a few last places wide once had a rectangle that left out what lies below it."""
+    """A disc of a few last places holds what lies below it in its rectangle, too."""
     near = rng.normal(size=(9, 3)) * 1e-6 * [1, 1, 0]
     for centre in ([0.9, -0.7, 0.8], [0.1, 1.0, 0.0]):
         cloud = cloud_of(near + centre, np.tile([0.0, 0.0, 1.0], (9, 1)), 1e-9)

@@ -165,7 +165,7 @@ def test_small_nodes_beside_large_primitives_keep_their_spreads(ledger, amount, 
 
 
 def test_tiny_surfels_beside_a_hundred_thousand_large_ones_keep_their_colours():
-    """Their weights vanished in a running sum: 0 / 0."""
+    """In a running sum over all leaves their weights would be lost in its last places."""
     count, few = 100_000, 8
     large = np.arange(count)[:, None] * [1e-6, 0.0, 0.0]
     tiny = np.arange(few)[:, None] * 1e-6 - 1.0
