@@ -215,7 +215,8 @@ class Viewer:
             self.camera = _camera_of_pose(pose)
             view_of_pose(pose, scene, resolution)
         except ValueError as error:
-            self.state.say(str(error), is_error=True)
+            # No error of the work in the background, whose success would take it back.
+            self.state.say(str(error))
             self.camera = _camera_of_pose(frame_scene(scene, CameraOptions(orthographic=orthographic), resolution))
         x, y, z = (float(value) for value in self.camera.axes[1])
         self.state.settings = replace(self.state.settings, ground_up=(x, y, z))

@@ -163,6 +163,7 @@ def test_axis_views(window):
 # Rows of the panel's sliders, and where the box of a toggle is.
 R_SIL, R_INNER, W_S = 130, 156, 182
 NORMAL_MAPPING = (WINDOW[0] - PANEL_WIDTH + 26, 292)
+ORTHOGRAPHIC = (NORMAL_MAPPING[0], 370)
 ERROR_GOAL, RATE_GOAL = (WINDOW[0] - PANEL_WIDTH + 26, 208), (WINDOW[0] - PANEL_WIDTH + 26, 234)
 
 
@@ -197,6 +198,20 @@ def test_normal_mapping_by_mouse_and_key(window):
     assert changed(with_tiles, without) > 0.002
     window.do("mousemove", *MIDDLE, "key", "n")
     assert changed(with_tiles, window.look()) == 0.0
+
+
+def test_projection_by_key_and_mouse(window):
+    perspective, frame = window.look(), window.frames[-1]
+    window.do("key", "5")
+    parallel = window.look()
+    assert changed(perspective, parallel) > 0.01
+    # Zoom and drag, and look from the front again.
+    assert window.do("mousemove", *MIDDLE, "click", 4) != frame
+    window.do("click", 5, "key", "Home")
+    assert changed(parallel, window.look()) > 0.0
+    window.do("mousemove", *ORTHOGRAPHIC, "click", 1, "mousemove", *MIDDLE, "key", "Home")
+    assert window.frames[-1] == frame
+    assert changed(perspective, window.look()) == 0.0
 
 
 def test_overlays_change_the_picture_and_not_the_cut(window):
