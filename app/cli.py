@@ -21,6 +21,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line (without the program's name) and return the exit status."""
     end_on_interrupt()
     # All imports come after this, so that an interrupt is quiet from the first moment on.
+    from app.kernels import keep_kernels_apart
+
+    keep_kernels_apart()
     from app.errors import EXIT_ERROR, GraphicsError, OutputError, UsageError, WindowError
     from app.options import BENCH, parse_options
     from hierarchy.model import ModelError

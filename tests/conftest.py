@@ -6,6 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from app.kernels import keep_kernels_apart
+
+# Before numba is imported, for the tests and for the processes that they start.
+keep_kernels_apart(Path(__file__).resolve().parents[1] / "build" / "kernels")
+
 SHARED_MODELS = Path(__file__).resolve().parents[2] / "shared" / "models"
 
 
