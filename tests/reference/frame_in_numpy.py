@@ -10,7 +10,7 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy_renderer import BoolArray, Discs, Float64Array, Picture, bilinear_tile, render
+from numpy_renderer import BoolArray, Discs, Float64Array, Picture, bilinear_tile, bounding_window, render
 from numpy_renderer import Triangles as NumpyTriangles
 
 from hierarchy.boxes import TURN_STEP, TURNS
@@ -123,15 +123,27 @@ class Comparison:
 
 
 def compare(
-    frame: Frame, hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, *, whole: bool = False
+    frame: Frame,
+    hierarchy: Hierarchy,
+    tiles: NormalTiles | None,
+    cut: Cut,
+    view: View,
+    *,
+    whole: bool = False,
+    wary: bool = False,
 ) -> Comparison:
-    """Draw a cut with numpy, and compare a frame with that."""
+    """Draw a cut with numpy, and compare a frame with that.
+
+    wary : leave out `slivers` and `held_back`, too
+    """
     draw = functools.partial(numpy_picture, hierarchy, tiles, cut, view, whole=whole)
     picture = draw()
     drawn = picture.coverage > 0.0
     depths = np.where(drawn, picture.depth, view.near)
     stable = np.where(drawn, picture.margin > clearance(view, depths), True)
-    stable &= ~slivers(hierarchy, cut, view, numpy_discs(hierarchy, tiles, cut, view, whole))
+    if wary:
+        discs = numpy_discs(hierarchy, tiles, cut, view, whole)
+        stable &= ~slivers(hierarchy, cut, view, discs) & ~held_back(view, discs)
     changed = np.zeros(drawn.shape)
     for offset in SHIFTS:
         shifted = draw(offset)
@@ -203,6 +215,22 @@ def slivers(hierarchy: Hierarchy, cut: Cut, view: View, discs: Discs) -> BoolArr
             offset = pixels - start
             share = np.clip((offset @ edge) / max(float(edge @ edge), 1e-30), 0.0, 1.0)
             near |= np.linalg.norm(offset - share[..., None] * edge, axis=-1) < blur
+    return near
+
+
+def held_back(view: View, discs: Discs) -> BoolArray:
+    """Return the pixels, (H, W), around discs of which a part would be pushed beyond the far plane.
+
+    Corners stay before it, so that such a disc is pushed by less than epsilon, and hides more of its neighbours.
+    """
+    near = np.zeros((view.height, view.width), np.bool_)
+    cube = np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0
+    eye = discs.centres @ view.eye_from_model[:3, :3].T + view.eye_from_model[:3, 3]
+    for centre, radius, epsilon in zip(eye, discs.radii, discs.epsilons, strict=True):
+        deepest = -float(centre[2]) + 1.5 * float(radius)
+        share = epsilon / max(float(np.linalg.norm(centre)), epsilon, 1e-30)
+        if (deepest + epsilon if view.is_parallel else deepest * (1.0 + share)) > view.far:
+            near[bounding_window(view, centre + radius * cube)] = True
     return near
 
 

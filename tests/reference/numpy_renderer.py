@@ -239,7 +239,7 @@ def _disc_fragments(view: View, every: Rays, discs: Discs, kernel: Kernel, facin
             continue
         plane = normal if discs.planes is None else rotation @ discs.planes[i]
         corners = centre + radius * (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0)
-        window = _window(view, corners)
+        window = bounding_window(view, corners)
         rays = Rays(every.starts[window], every.directions[window])
         slope = rays.directions @ plane
         parameter = np.divide((centre - rays.starts) @ plane, slope, out=np.zeros_like(slope), where=slope != 0.0)
@@ -278,7 +278,7 @@ def _triangle_fragments(view: View, every: Rays, triangles: Triangles, facing_aw
         height = -face[2] if view.is_parallel else np.dot(a, face)
         if height == 0.0 or (facing_away == 0.0 and height > 0.0):
             continue
-        window = _window(view, np.stack([a, b, c]))
+        window = bounding_window(view, np.stack([a, b, c]))
         rays, moments = Rays(every.starts[window], every.directions[window]), moments_of_all[window]
         # On which side of the ray each edge lies, and how far, is a barycentric coordinate up to a common factor.
         edges = ((b, c), (c, a), (a, b))
@@ -304,7 +304,7 @@ def _triangle_fragments(view: View, every: Rays, triangles: Triangles, facing_aw
 Window = tuple[slice, slice]
 
 
-def _window(view: View, points: Float64Array) -> Window:
+def bounding_window(view: View, points: Float64Array) -> Window:
     """Return rows and columns that hold the convex hull of points, eye space (K, 3), with two pixels to spare."""
     depths = -points[:, 2]
     if not view.is_parallel and depths.min() <= 1e-9 * np.abs(points).max():
