@@ -160,7 +160,7 @@ def test_kernels_survive_what_is_accepted(ledger, amount, cache, built, tmp_path
     """Contents that were changed and have checksums that fit: as a program that is wrong could write them."""
     save_hierarchy(tmp_path / "hierarchy", built.hierarchy, {}, lambda fraction: None)
     save_tiles(tmp_path / "tiles", bake_tiles(built.hierarchy, 4), lambda fraction: None)
-    cases = amount(50, 6_000)
+    cases = amount(30, 5_000)
     process = start("cache_kernels_child.py", tmp_path, pytestconfig.getoption("--stress-seed"), cases)
     output, complaints = process.communicate(timeout=600)
     outcomes = output.split("\n")[:-1]
@@ -174,7 +174,7 @@ def test_kernels_survive_what_is_accepted(ledger, amount, cache, built, tmp_path
 
 
 def test_four_processes_at_once(ledger, amount, built, cache_folder):
-    rounds = amount(3, 60)
+    rounds = amount(2, 40)
     processes = [start("cache_user_child.py", built.source.path, seed, rounds) for seed in range(amount(2, 4))]
     wrong = 0
     for process in processes:
@@ -195,7 +195,7 @@ def test_writers_killed_at_any_moment(ledger, amount, rng, cache, built, tmp_pat
     process = start("cache_writer_child.py", good, path)
     assert process.stdin is not None
     assert process.stdout is not None
-    wrong, cases = 0, amount(30, 1_500)
+    wrong, cases = 0, amount(20, 1_000)
     for _ in range(cases):
         process.stdin.write("write\n")
         process.stdin.flush()
@@ -259,7 +259,7 @@ def test_file_that_changes_while_it_loads(ledger, amount, rng, built, cache_fold
 
     cache = Cache(cache_folder)
     wrong = opened_count = 0
-    cases = amount(20, 1_000)
+    cases = amount(6, 300)
     for _ in range(cases):
         stop.clear()
         writer = threading.Thread(target=write)

@@ -87,7 +87,7 @@ def test_cache_on_a_disk_that_fails(ledger, amount, rng, built, cache_folder, fa
     keep_scene(fresh(built, cache), cache)
     size = sum(file.size for file in cached_files(cache_folder))
     wrong = 0
-    cases = amount(20, 1_500)
+    cases = amount(8, 500)
     for case in range(cases):
         failing(int(rng.integers(0, size // 2)), ERRORS[case % len(ERRORS)])
         keep_scene(fresh(built, cache), cache)
@@ -106,7 +106,7 @@ def test_cache_under_a_limit_of_file_sizes(ledger, amount, rng, built, cache_fol
     keep_scene(fresh(built, cache), cache)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     wrong = 0
-    cases = amount(10, 500)
+    cases = amount(5, 150)
     for _ in range(cases):
         again = fresh(built, cache)
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(rng.integers(1, 20_000)), before[1]))
