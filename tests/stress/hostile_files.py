@@ -131,7 +131,8 @@ def obj_files() -> Iterator[Trial]:
 OUTSIDE = ("../secret.bin", "/etc/passwd", "..\\secret.bin", "C:\\secret.bin", "\\\\server\\share\\secret.bin",
            "//server/share/secret.bin", "%2e%2e/secret.bin", "..%2fsecret.bin", "..%5Csecret.bin", "%2Fetc%2Fpasswd",
            "file:///etc/passwd", "file://../secret.bin", "http://127.0.0.1:9/secret.bin", "link.bin",
-           "folder/secret.bin", "folder/../../secret.bin", "./../secret.bin", "....//secret.bin", "/proc/self/environ", "/dev/zero", "~/x",
+           "folder/secret.bin", "folder/../../secret.bin", "./../secret.bin", "....//secret.bin",
+           "/proc/self/environ", "/dev/zero", "~/x",
            "$HOME/x", "secret.bin%00.png")  # fmt: skip
 
 
