@@ -13,6 +13,9 @@ from hierarchy.model import Float64Array, Int32Array
 
 # Long triangles enter many cells. Beyond this many entries a triangle, or a query, the grid is made coarser.
 MOST_ENTRIES = 16
+# A cell with more triangles than this is not searched: who asks takes the answer that is on the safe side. On scans a
+# cell has ten on average and 1,200 at most.
+MOST_ITEMS = 2048
 # Cells along one side at most: 4M cells.
 MOST_CELLS = 2048
 # Spans are widened by this share of a cell, far more than they are rounded by.
@@ -51,19 +54,22 @@ def sort_into_cells(points: Float64Array, faces: Int32Array, queries: int) -> Ce
     nothing = np.empty(0, np.int32)
     while True:
         cursors = np.zeros(side * side, np.int64)
-        _visit(points, faces, low, side / extent, side, cursors, nothing)
-        starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(cursors)])
-        if side == 1 or starts[-1] <= MOST_ENTRIES * count:
+        most = MOST_ENTRIES * count if side > 1 else len(faces)
+        if _visit(points, faces, low, side / extent, side, cursors, nothing, most):
             break
         side //= 2
+    starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(cursors)])
     items = np.empty(starts[-1], np.int32)
-    _visit(points, faces, low, side / extent, side, starts[:-1].copy(), items)
+    _visit(points, faces, low, side / extent, side, starts[:-1].copy(), items, len(items))
     return Cells(starts, items, low, side / extent, side)
 
 
 @nb.njit(cache=True, nogil=True)
-def _visit(points, faces, low, scale, side, cursors, items):  # type: ignore[no-untyped-def]
-    """Move the cursor of every cell that a triangle meets, and put the triangle there where there are items."""
+def _visit(points, faces, low, scale, side, cursors, items, most):  # type: ignore[no-untyped-def]
+    """Move the cursor of every cell that a triangle meets, and put the triangle there where there are items.
+
+    Returns whether there are at most so many entries; ends where there are more.
+    """
     for t in range(len(faces)):
         a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
         ax, ay = (points[a, 0] - low[0]) * scale, (points[a, 1] - low[1]) * scale
@@ -73,10 +79,14 @@ def _visit(points, faces, low, scale, side, cursors, items):  # type: ignore[no-
         for row in range(first, last):
             left, right = row_span(ax, ay, bx, by, cx, cy, row)
             begin, end = span(left, right, side)
+            most -= end - begin
+            if most < 0:
+                return False
             for cell in range(row * side + begin, row * side + end):
                 if len(items) > 0:
                     items[cursors[cell]] = t
                 cursors[cell] += 1
+    return True
 
 
 @nb.njit(cache=True, nogil=True, inline="always")

@@ -22,6 +22,10 @@ SMALLEST_EXPONENT = -1000
 # coordinates are exact in doubles nearly always, so that this only has to cover the rounding of doubles.
 SMALLEST_HEIGHT = 1e-12
 
+# Half-edges, three a face, and points, of which a mesh has no more than corners, are numbered by int32.
+MOST_FACES = (2**31 - 1) // 3
+MOST_POINTS = 2**31 - 1
+
 
 def counted(verb: str, count: int, noun: str, rest: str = "") -> str:
     """Return a sentence such as "dropped 3 faces with indices out of range"."""
@@ -44,8 +48,10 @@ def clean_faces(
     bad_faces : faces with indices out of range that the reader has dropped already
     warnings : gets a sentence for each kind of face dropped
     Returns the kept positions (U, 3), the faces int32 in terms of them, and the kept vertices' old indices (U,).
-    Raises UnreadableFile where no face is left.
+    Raises UnreadableFile where no face is left, or there are more than MOST_FACES.
     """
+    if len(faces) > MOST_FACES:
+        raise UnreadableFile(f"too large: {len(faces):,} faces, of which {MOST_FACES:,} can be counted")
     in_range = indices_in_range(faces, len(positions))
     bad_faces += int(len(faces) - in_range.sum())
     if not in_range.all():
@@ -80,10 +86,12 @@ def clean_points(positions: Float64Array, warnings: list[str]) -> tuple[Float64A
     positions : float64 (N, 3), anything
     warnings : gets a sentence for each kind of point dropped
     Returns origin, scale and kept positions (K, 3) as `place` does, and their old indices (K,).
-    Raises UnreadableFile where no point is left.
+    Raises UnreadableFile where no point is left, or there are more than MOST_POINTS.
     """
     if len(positions) == 0:
         raise UnreadableFile("nothing to draw: it holds neither faces nor points")
+    if len(positions) > MOST_POINTS:
+        raise UnreadableFile(f"too large: {len(positions):,} points, of which {MOST_POINTS:,} can be counted")
     kept = np.flatnonzero(usable_positions(positions))
     if len(kept) < len(positions):
         warnings.append(counted("dropped", len(positions) - len(kept), "point", "whose positions are not finite"))

@@ -37,7 +37,7 @@ BLOCK = 4096
 # leaves, and LAYERS times the texels: enough for all tiles of ordinary meshes and for 99.9% of a cloud's.
 BASE_VISITS = 1024
 VISITS_PER_LEAF = 16
-LAYERS = 32
+LAYERS = 24
 # Slack of the inside test, relative to the triangle: a texel on an edge must not fall between two triangles.
 EDGE_SLACK = 1e-9
 

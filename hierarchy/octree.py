@@ -43,8 +43,6 @@ class Octree:
 # LEVELS_PER_HALVING for each time that the leaves are halved, cells are halved by number instead of by place.
 SPARE_LEVELS = 24
 LEVELS_PER_HALVING = 1.5
-# Leaves, vertices and nodes are counted by int32.
-MOST_LEAVES = 2**31 - 1
 
 
 def most_levels(leaves: int) -> int:

@@ -11,7 +11,7 @@ can be seen from outside:
   hollows of a landscape are bare (its cap lies over them), as is all of a mesh that is inside out.
 
 Any cap would do. A triangle that a cap passes through counts as bare; where the mesh passes through itself, a triangle
-counts as its centre does.
+counts as its centre does. Where thousands of triangles lie over one place, as in a fan, what is there counts as bare.
 """
 
 from __future__ import annotations
@@ -75,9 +75,12 @@ def find_openings(
     step = STEP * float(np.abs(positions).max())
     turned = turn(points)
     bare: BoolArray = winding_numbers(turned, cycle, turn(centres + step * normals.astype(np.float64))) < 0
+    # The edge of many faces has as many caps, one over the other. To be seen one is enough.
+    caps = caps[np.append(True, (caps[1:] != caps[:-1]).any(axis=1))] if len(caps) else caps
     caps = caps[has_area(points, caps)]
     if leaves_are_faces and len(caps) > 0:
-        bare |= pass_through(turn(positions), faces, turned, caps, step)
+        unknown = np.flatnonzero(~bare)
+        bare[unknown] = pass_through(turn(positions), faces[unknown], turned, caps, step)
     before = np.empty(0, np.int32)
     if bare.any():
         before = np.concatenate([np.zeros(1, np.int32), np.cumsum(bare, dtype=np.int32)])

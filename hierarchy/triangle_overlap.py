@@ -15,12 +15,16 @@ import numpy as np
 from hierarchy.cells import row_span, sort_into_cells, span
 from hierarchy.model import BoolArray, Float64Array, Int32Array
 
+# Others that are looked at for one triangle at most, an other once for every cell that both meet.
+MOST_LOOKS = 128
+
 
 def pass_through(
     points: Float64Array, faces: Int32Array, other_points: Float64Array, others: Int32Array, tolerance: float
 ) -> BoolArray:
     """Return for each of faces (T, 3) whether it passes through one of `others` (C, 3) with C > 0, bool (T,).
 
+    Where too many of the others lie in its cells to look at them all it is said to.
     points, other_points : float64 (V, 3)
     tolerance : a length; triangles that reach no deeper than this through each other only touch
     """
@@ -84,6 +88,7 @@ def _meets_one(points, face, other_points, others, grid, tolerance):  # type: ig
     first, last = span(min(ay, by, cy), max(ay, by, cy), side)
     if first == last:
         return False
+    looks_left = MOST_LOOKS
     p, q = np.empty((3, 3), np.float64), np.empty((3, 3), np.float64)
     for k in range(3):
         for axis in range(3):
@@ -91,6 +96,9 @@ def _meets_one(points, face, other_points, others, grid, tolerance):  # type: ig
     for row in range(first, last):
         left, right = row_span(ax, ay, bx, by, cx, cy, row)
         begin, end = span(left, right, side)
+        looks_left -= starts[row * side + end] - starts[row * side + begin]
+        if looks_left < 0:
+            return True
         for item in range(starts[row * side + begin], starts[row * side + end]):
             for k in range(3):
                 for axis in range(3):

@@ -16,8 +16,11 @@ import math
 import numba as nb
 import numpy as np
 
-from hierarchy.cells import sort_into_cells
+from hierarchy.cells import MOST_ITEMS, sort_into_cells
 from hierarchy.model import Float64Array, Int32Array
+
+# The winding number that is not counted: negative, so that what is seen there is never taken for hidden.
+UNKNOWN = -(2**31)
 
 
 def _frame() -> Float64Array:
@@ -42,6 +45,7 @@ def winding_numbers(points: Float64Array, faces: Int32Array, at: Float64Array) -
 
     points : float64 (V, 3), turned; faces : int32 (T, 3) with T > 0, one index for corners at one place
     at : float64 (N, 3), turned, not on the surface
+    Where too many triangles lie over each other to count the crossings of every ray, the number is UNKNOWN.
     """
     cells = sort_into_cells(points, faces, len(at))
     numbers: Int32Array = _winding_numbers(
@@ -103,5 +107,7 @@ def _winding_numbers(points, faces, starts, items, low, scale, side, at):  # typ
         column = min(max(math.floor((at[i, 0] - low[0]) * scale), 0), side - 1)
         row = min(max(math.floor((at[i, 1] - low[1]) * scale), 0), side - 1)
         cell = int(row) * side + int(column)
-        numbers[i] = _winding_number(points, faces, starts, items, cell, at[i, 0], at[i, 1], at[i, 2])
+        numbers[i] = UNKNOWN
+        if starts[cell + 1] - starts[cell] <= MOST_ITEMS:
+            numbers[i] = _winding_number(points, faces, starts, items, cell, at[i, 0], at[i, 1], at[i, 2])
     return numbers
