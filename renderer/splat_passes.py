@@ -193,6 +193,7 @@ def pass_uniforms(
         "eye_from_model": tuple(view.eye_from_model.T.ravel()),
         "clip_from_eye": tuple(view.clip_from_eye.T.ravel()),
         "clip_from_model": tuple((view.clip_from_eye @ view.eye_from_model).T.ravel()),
+        "clip_planes": (view.near, view.far),
         "splat_records": RECORDS_UNIT,
         "silhouette_splats": cut.silhouette_splats,
         "silhouette_triangles": cut.silhouette_triangles,

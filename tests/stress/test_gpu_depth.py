@@ -12,6 +12,7 @@ from glsl_harness import Stage, cut_of, hierarchy_of, splats_of
 from ledger import Ledger
 from scan_targets import scan_targets
 
+from hierarchy.leaves import Triangles
 from hierarchy.view import View
 from renderer.renderer import Renderer
 from renderer.settings import Settings
@@ -152,3 +153,30 @@ def test_a_sheet_behind_another_does_not_shine_through(
     framebuffer.release()
     tried = "behind by epsilon and 16 steps of the depth buffer; far / near to 1e6"
     ledger.record("kernels", "a sheet behind another", tried, cases=cases, worst=shining, bound=0, unit="pixels")
+
+
+def test_needles_thinner_than_the_grid_have_depths_of_the_slab(
+    ctx: moderngl.Context, renderer: Renderer, ledger: Ledger, amount: Amount, rng: np.random.Generator
+) -> None:
+    # Their slopes are those of corners on the rasteriser's grid, and 1 / w extrapolates to 0 and beyond.
+    wrong, cases = 0, 0
+    framebuffer = ctx.simple_framebuffer((64, 64))
+    for _ in range(amount(20, 400)):
+        count = 300
+        ends = rng.normal(size=(count, 2, 3)) * [0.5, 0.5, 1.0] - [0.0, 0.0, 1.5]
+        third = ends.mean(axis=1) + 10.0 ** rng.uniform(-8.0, -2.0, (count, 1)) * rng.normal(size=(count, 3))
+        positions = np.concatenate([ends, third[:, None]], axis=1).reshape(-1, 3).astype(np.float32)
+        normals = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(positions), 1))
+        triangles = Triangles(positions, normals, np.arange(len(positions), dtype=np.int32).reshape(-1, 3), None)
+        hierarchy = hierarchy_of(None, triangles)
+        view = View(np.eye(4), 0.8, 64, 64, 1e-4, 4.0)
+        renderer.set_hierarchy(hierarchy)
+        renderer.draw(cut_of(hierarchy), view, Settings(), framebuffer)
+        frame = renderer.read_arrays()
+        depth = frame.depth[frame.coverage > 0.0]
+        wrong += int((~(depth >= 0.999 * view.near) | ~(depth <= 1.001 * view.far)).sum())
+        cases += count
+    ctx.detect_framebuffer(0).use()
+    framebuffer.release()
+    tried = "triangles 1e-8 to 1e-2 wide, many through the near plane"
+    ledger.record("kernels", "depths of needles", tried, cases=cases, worst=wrong, bound=0, unit="out of the slab")
