@@ -62,7 +62,8 @@ def _number_edges(faces: Int32Array, vertices: int) -> tuple[Int32Array, int]:
     for v in prange(vertices):
         lo, hi = starts[v], starts[v + 1]
         if hi - lo > 48:
-            order = np.argsort(upper[lo:hi])
+            # numba's quicksort is quadratic in the bucket of a fan's middle.
+            order = np.argsort(upper[lo:hi], kind="mergesort")
             upper[lo:hi] = upper[lo:hi][order]
             half[lo:hi] = half[lo:hi][order]
         else:

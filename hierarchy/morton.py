@@ -156,7 +156,7 @@ def _refine_run(points, order, steps, level):  # type: ignore[no-untyped-def]
         codes = np.empty(len(run), np.uint64)
         for k in range(len(run)):
             codes[k] = _code(points, run[k], low, CELLS / extent)
-        by_code = np.argsort(codes)
+        by_code = np.argsort(codes, kind="mergesort")
         order[begin:end] = run[by_code]
         first = begin
         for k in range(1, len(run) + 1):

@@ -126,6 +126,8 @@ def border_caps(points: Float32Array, faces: Int32Array) -> tuple[Float32Array, 
 def _number_borders(edges: Int32Array, points: int) -> tuple[npt.NDArray[np.int64], int]:
     """Return for each of edges (B, 2) the number of the connected border that it belongs to, and how many there are."""
     parent = np.arange(points, dtype=np.int32)
+    # The smaller set joins the larger one: along a long border paths would else grow with it.
+    size = np.ones(points, np.int32)
     for e in range(len(edges)):
         a, b = edges[e, 0], edges[e, 1]
         while parent[a] != a:
@@ -134,7 +136,11 @@ def _number_borders(edges: Int32Array, points: int) -> tuple[npt.NDArray[np.int6
         while parent[b] != b:
             parent[b] = parent[parent[b]]
             b = parent[b]
-        parent[a] = b
+        if a != b:
+            if size[a] > size[b]:
+                a, b = b, a
+            parent[a] = b
+            size[b] += size[a]
     names = np.full(points, -1, np.int64)
     numbers = np.empty(len(edges), np.int64)
     count = 0
