@@ -115,8 +115,11 @@ def attach_textures(path: Path, parts: list[Part], texture: str | Path | None, w
     Raises UnreadableFile where the image that was asked for cannot be read; one that the model names is only missed.
     """
     from hierarchy.references import inside_folder
-    from hierarchy.texture import MOST_TEXELS, read_texture
+    from hierarchy.texture import MOST_TEXELS, read_texture, usable_coordinates
 
+    for part in parts:
+        if part.texture_coordinates is not None:
+            part.texture_coordinates = usable_coordinates(part.texture_coordinates)
     if texture is not None:
         image = read_texture(Path(texture))
         if all(part.texture_coordinates is None for part in parts):

@@ -34,6 +34,16 @@ BAND = 1 << 22
 # What textures come in. Not all that Pillow reads: some kinds are programs that it has another program run.
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "TGA", "WEBP", "GIF", "JPEG2000", "PPM", "DDS", "SGI", "PCX")
 
+# A model gets so many faces for its textures, however small they are, and two for each of their texels: a texture that
+# repeats is worth more, but one that repeats a million times shows nothing, and a million needles take a minute.
+FACES_FOR_ANY = 100_000
+
+# Texels that an edge may span to be split at all. A wall of bricks may repeat a hundred times.
+MOST_SPAN = 1 << 16
+
+# Texture coordinates that are larger count as 0: a double does not know their texel any more.
+LARGEST_COORDINATE = 1e9
+
 # Edges shorter than this fraction of the model are not split: their middle would fall on an end in float32.
 SHORTEST_EDGE = 1e-6
 
@@ -119,6 +129,18 @@ def sample_bilinear(texture: UInt8Array, coordinates: Float64Array) -> UInt8Arra
     return np.asarray(np.rint((1.0 - fy) * upper + fy * lower), np.uint8)
 
 
+def usable_coordinates(coordinates: Float64Array) -> Float64Array:
+    """Return texture coordinates (N, 2) with 0 in place of those that are not finite, or too large to mean a texel."""
+    return np.where(np.abs(coordinates) <= LARGEST_COORDINATE, coordinates, 0.0)
+
+
+def faces_for(textures: Sequence[UInt8Array]) -> int:
+    """Return how many faces a model may be split into for its textures."""
+    # What is a strip makes needles; a square of four times its width is enough for them.
+    worth: int = sum(min(t.shape[0] * t.shape[1], 16 * min(t.shape[0], t.shape[1]) ** 2) for t in textures)
+    return min(MOST_FACES, FACES_FOR_ANY + 2 * worth)
+
+
 def paint(
     positions: Float32Array,
     faces: Int32Array,
@@ -137,12 +159,15 @@ def paint(
     Returns positions, faces, normals and colours of a mesh of at most `MOST_FACES` faces, or as many as it had.
     """
     shortest = SHORTEST_EDGE * float(np.abs(positions).max())
+    # A texture of one colour needs no splitting; the last is for no texture.
+    is_varied = np.array([bool((texture != texture[0, 0]).any()) for texture in textures] + [False])
 
     def excess(positions: AnyArray, attributes: Sequence[AnyArray], ends: Int32Array) -> AnyArray:
         a, b = ends.T
-        span = np.linalg.norm(attributes[1][a] - attributes[1][b], axis=1) / TEXELS_PER_EDGE
+        span = np.linalg.norm(attributes[1][a] - attributes[1][b], axis=1)
         length = np.abs(positions[a] - positions[b]).max(axis=1)
-        return np.where(length > shortest, span, 0.0)
+        is_worth_it = (length > shortest) & (span <= MOST_SPAN) & is_varied[attributes[3][a]]
+        return np.where(is_worth_it, span / TEXELS_PER_EDGE, 0.0)
 
     points, _ = unique_positions(positions)
     if colors is None:
@@ -152,7 +177,7 @@ def paint(
         faces,
         [normals, texels, colors, texture_of_vertex],
         excess,
-        most_faces=max(MOST_FACES, len(faces)),
+        most_faces=max(faces_for(textures), len(faces)),
         points=points,
     )
     normals, texels, colors, texture_of_vertex = split.attributes

@@ -9,7 +9,7 @@ from PIL import Image
 from hierarchy.load import load_model
 from hierarchy.model import ModelError, in_file_space
 from hierarchy.part import UnreadableFile
-from hierarchy.texture import MOST_FACES, TEXELS_PER_EDGE, paint, read_texture, sample_bilinear
+from hierarchy.texture import FACES_FOR_ANY, MOST_FACES, TEXELS_PER_EDGE, paint, read_texture, sample_bilinear
 
 RNG = np.random.default_rng(4)
 TEXTURE = RNG.integers(0, 256, (5, 8, 4)).astype(np.uint8)
@@ -164,15 +164,16 @@ def test_a_huge_texture_stops_at_the_bound_and_parts_without_one_keep_their_colo
     faces = np.array([[0, 1, 2], [3, 4, 5]], np.int32)
     normals = np.tile(np.float32([0, 0, 1]), (6, 1))
     colors = np.full((6, 4), 9, np.uint8)
-    texels = np.array([[0, 0], [1e5, 0], [0, 1e5], [0, 0], [0, 0], [0, 0]])
+    texels = np.array([[0, 0], [4e4, 0], [0, 4e4], [0, 0], [0, 0], [0, 0]])
     numbers = np.array([0, 0, 0, -1, -1, -1], np.int32)
-    texture = np.full((10, 10, 4), 77, np.uint8)
+    texture = np.full((1000, 1000, 4), 77, np.uint8)
+    texture[0] = 78
     p, f, n, c = paint(positions, faces, normals, colors, [texture], numbers, texels)
     assert 0.5 * MOST_FACES < len(f) <= MOST_FACES
     plain = p[:, 0] > 2
     assert plain.sum() == 3
     assert np.unique(c[plain]).tolist() == [9]
-    assert np.unique(c[~plain]).tolist() == [77]
+    assert np.unique(c[~plain]).tolist() == [77, 78]
     assert len(n) == len(c) == len(p)
 
 
@@ -187,3 +188,26 @@ def test_a_real_cow(shared_models):
     jumps = np.abs(np.diff(mesh.colors[order].astype(int), axis=0)).max(axis=1)[same]
     assert len(jumps) > 1000
     assert np.percentile(jumps, 99) < 30
+
+
+@pytest.mark.parametrize("coordinate", ["1e38", "-1e300", "1.7e308", "inf", "1e6"])
+def test_texture_coordinates_beyond_all_texels_do_not_make_a_million_needles(tmp_path, coordinate):
+    """A texture of 6 x 6 texels that repeats without end is worth no splitting."""
+    Image.fromarray(RNG.integers(0, 256, (6, 6, 3)).astype(np.uint8)).save(tmp_path / "a.png")
+    (tmp_path / "a.obj").write_text(QUAD.replace("vt 0 1", f"vt {coordinate} 1"))
+    mesh = load_model(tmp_path / "a.obj", texture=tmp_path / "a.png")
+    assert len(mesh.faces) <= FACES_FOR_ANY + 72
+
+
+def test_a_texture_of_one_colour_splits_nothing(tmp_path):
+    Image.new("RGB", (2000, 2000), (10, 20, 30)).save(tmp_path / "a.png")
+    (tmp_path / "a.obj").write_text(QUAD)
+    mesh = load_model(tmp_path / "a.obj", texture=tmp_path / "a.png")
+    assert len(mesh.faces) == 2
+    assert (mesh.colors[:, :3] == [10, 20, 30]).all()
+
+
+def test_a_strip_of_a_texture_does_not_make_a_million_needles(tmp_path):
+    Image.fromarray(RNG.integers(0, 256, (50_000, 2, 3)).astype(np.uint8)).save(tmp_path / "a.png")
+    (tmp_path / "a.obj").write_text(QUAD)
+    assert len(load_model(tmp_path / "a.obj", texture=tmp_path / "a.png").faces) <= FACES_FOR_ANY + 200

@@ -42,6 +42,7 @@ class Trial:
     options : after it, for the command `info`
     picture : draw it, too
     label : what it is, for people
+    forked : a reader's child is a copy of the worker, which is there at once; else a process as it always is
     """
 
     kind: str
@@ -50,6 +51,7 @@ class Trial:
     options: tuple[str, ...] = ()
     picture: bool = False
     label: str = ""
+    forked: bool = True
 
 
 @dataclass(frozen=True)
@@ -84,14 +86,17 @@ class Worker:
             (root / name).mkdir(parents=True)
         self.process: subprocess.Popen[str] | None = None
 
-    def ask(self, *arguments: str, limit: float = PATIENCE) -> Answer:
-        """Have a command run. Raises TimeoutError or ChildProcessError where the worker hangs or dies."""
+    def ask(self, *arguments: str, limit: float = PATIENCE, forked: bool = True) -> Answer:
+        """Have a command run. Raises TimeoutError or ChildProcessError where the worker hangs or dies.
+
+        forked : readers have forked children, not real ones
+        """
         if self.process is None:
             self.process = self._start()
         process = self.process
         assert process.stdin is not None
         assert process.stdout is not None
-        process.stdin.write(json.dumps(arguments) + "\n")
+        process.stdin.write(json.dumps([forked, arguments]) + "\n")
         process.stdin.flush()
         if not select.select([process.stdout], [], [], limit)[0]:
             self.stop()
@@ -160,7 +165,7 @@ class Worker:
         answer = None
         try:
             path = str(folder / trial.name)
-            answer = self.ask("info", path, *trial.options)
+            answer = self.ask("info", path, *trial.options, forked=trial.forked)
             wrong = judge(answer)
             if not wrong and trial.picture and answer.status == 0:
                 picture = self.root / "pictures" / "a.png"

@@ -117,24 +117,25 @@ def serve() -> None:
     os.dup2(said.fileno(), 2)
     for kind in (RuntimeWarning, UserWarning):
         warnings.simplefilter("always", kind)
-    if os.environ.get("FORKED_CHILDREN"):
-        # What the child would import.
-        import collada  # noqa: F401
-        import laspy  # noqa: F401
-        import lazrs  # noqa: F401
-        import trimesh
+    # What the child would import.
+    import collada  # noqa: F401
+    import laspy  # noqa: F401
+    import lazrs  # noqa: F401
+    import trimesh
 
-        from hierarchy import contained, contained_child, las, trimesh_files  # noqa: F401
+    from hierarchy import contained, contained_child, las, trimesh_files  # noqa: F401
 
-        trimesh.available_formats()
-        contained._start = ForkedChild
+    trimesh.available_formats()
+    start_child = contained._start
     for line in requests:
+        forked, arguments = json.loads(line)
+        contained._start = ForkedChild if forked else start_child
         for stream in (told, said):
             stream.seek(0)
             stream.truncate()
         _forget_peak()
         start, start_of_work = time.perf_counter(), _seconds_of_work()
-        status, trace = _open(json.loads(line))
+        status, trace = _open(arguments)
         # On a machine that does other things as well, what counts is the work.
         seconds = min(time.perf_counter() - start, _seconds_of_work() - start_of_work)
         for text in (sys.stdout, sys.stderr):

@@ -36,7 +36,7 @@ def truncated(seeds: list[Seed], rng: np.random.Generator, cuts: int) -> Iterato
         ends = [at + near for at in range(min(len(data), 1024)) if data[at] == 10 for near in (0, 1)]
         some = rng.integers(0, len(data), cuts).tolist()
         for at in sorted({*ends[:60], *some}):
-            files = {**seed.files, seed.mutated: data[:at]}
+            files = {**seed.files, seed.mutated: seed.pack(data[:at])}
             yield Trial("truncated: " + seed.kind, files, seed.name, ("--no-cache",), False, f"{seed.mutated}[:{at}]")
 
 
