@@ -153,23 +153,23 @@ class ViewerWindow(WindowConfig):
     def _report_idleness(self) -> None:
         """Say, to the curious, when there is nothing left to do."""
         idle = not self._has_to_draw and not self._waits_for_work and self._viewer.steering.next_change is None
-        if idle and not self._idle and self._verbose:
-            print("idle", file=sys.stderr, flush=True)
+        if idle and not self._idle:
+            self._say("idle")
         self._idle = idle
 
     def _report(self, report: FrameReport) -> None:
         self._viewer.drawn(report)
-        if self._verbose:
-            print(
-                f"frame: {report.splats} splats, {report.triangles} triangles, {report.silhouette} silhouette, "
-                f"{report.total:.2f} ms",
-                file=sys.stderr,
-                flush=True,
-            )
+        self._say(
+            f"frame: {report.splats} splats, {report.triangles} triangles, {report.silhouette} silhouette, "
+            f"{report.total:.2f} ms"
+        )
 
     def _say(self, what: str) -> None:
+        """Say something to the curious, from any thread."""
         if self._verbose:
-            print(what, file=sys.stderr, flush=True)
+            # In one piece: what another thread says must not come between a line and its end.
+            sys.stderr.write(f"{what}\n")
+            sys.stderr.flush()
 
     def _describe(self, scale: float) -> None:
         """Describe panel and overlays to ImGui, and do what they ask for."""

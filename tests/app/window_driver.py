@@ -91,6 +91,9 @@ class Window:
     def _listen(self) -> None:
         assert self.process.stderr is not None
         for line in self.process.stderr:
+            # What the background keeps in the cache, and when, does not matter here.
+            if line.startswith("cache: "):
+                continue
             match = re.match(r"frame: (\d+) splats, (\d+) triangles, (\d+) silhouette", line)
             if match:
                 self.frames.append(Frame(*map(int, match.groups())))
