@@ -103,7 +103,7 @@ def view_from(hierarchy, eye, focus=(0.0, 0.0, 0.0), angle=0.9, size=(40, 30), s
 
 
 def random_view(hierarchy, rng, size=(40, 30)):
-    """Return a view from afar, from near by, from between the parts or from a place on the surface, or a parallel one."""
+    """Return a view from afar, near by, between the parts or a place on the surface, or a parallel one."""
     radius = hierarchy.radius
     direction = rng.normal(size=3)
     eye = rng.choice([0.2, 0.6, 0.9, 1.1, 2.5]) * radius * direction / np.linalg.norm(direction)

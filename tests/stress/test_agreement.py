@@ -131,7 +131,7 @@ def test_pictures(
         found = worst.values()
         tried = "outside, inside, on a surfel, 1e6 diagonals away, fov 1 to 170 degrees, parallel; random radii"
         suffix = ", tiles" if tiled else ""
-        record = f"{kind}: {name}{suffix}"
+        record = f"{len(MESHES)} meshes{suffix}" if kind == "mesh" else f"{len(CLOUDS)} clouds{suffix}"
         bound = FILTERED_DEGREES if tiled else NORMAL_DEGREES
         degrees, depth = (max((getattr(f, what) for f in found), default=0.0) for what in ("degrees", "depth"))
         ledger.record(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from brute_circle import minimum_circle
 from exact import smallest_circle_radius
-from small_models import beside_a_far_triangle, bumpy_sphere, cloud_of, mesh_of
+from small_models import beside_a_far_triangle, bumpy_sphere, mesh_of
 
 from hierarchy.boxes import TURN_STEP, TURNS, tight_box
 from hierarchy.cones import normal_cones
@@ -259,21 +259,6 @@ def test_a_triangle_of_no_area_whose_normals_cancel_has_a_surfel():
     assert np.linalg.norm(cloud.normals, axis=1) == pytest.approx(1.0)
     shapes = sort_surfels(cloud)[1]
     assert np.isfinite(discs_of(shapes, len(shapes.areas))[2]).all()
-
-
-def test_rectangles_of_tiny_discs_far_from_the_origin(rng):
-    """A disc of a few last places holds what lies below it in its rectangle, too."""
-    near = rng.normal(size=(9, 3)) * 1e-6 * [1, 1, 0]
-    for centre in ([0.9, -0.7, 0.8], [0.1, 1.0, 0.0]):
-        cloud = cloud_of(near + centre, np.tile([0.0, 0.0, 1.0], (9, 1)), 1e-9)
-        shapes = sort_surfels(cloud)[1]
-        centres, _, sizes, boxes = discs_of(shapes, 9)
-        at = (shapes.positions - centres.astype(np.float64)) @ np.eye(3)[:, :2] / sizes[0, 0]
-        turn = np.rint(boxes[0, 3] / TURN_STEP)
-        angle = 0.5 * math.pi * turn / TURNS
-        turned = at @ np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-        assert (turned.min(axis=0) >= boxes[0, [0, 2]]).all()
-        assert (turned.max(axis=0) <= boxes[0, [1, 3]] - [0.0, TURN_STEP * turn]).all()
 
 
 def test_the_last_end_of_a_rectangle_keeps_its_digits(ledger, amount, rng):

@@ -9,16 +9,13 @@ import math
 import numpy as np
 import pytest
 from exact import angle_weighted_normal, cross, face_vectors, rational, six_volumes
-from small_models import bumpy_sphere, cloud_of, mesh_of
+from small_models import bumpy_sphere, mesh_of
 
 from hierarchy.area_vector import area_vector
 from hierarchy.build import build_hierarchy
-from hierarchy.colors import splat_colors
 from hierarchy.creases import smooth_groups
-from hierarchy.leaves import sort_surfels
 from hierarchy.mesh_normals import NEGLIGIBLE, SHORTEST_NORMAL, unit_or_bad
 from hierarchy.noise import noise
-from hierarchy.octree import build_octree
 from hierarchy.sides import most_area_disagrees, signed_volume
 from hierarchy.spreads import UNIT
 from hierarchy.vertex_normals import vertex_normals
@@ -162,22 +159,6 @@ def test_small_nodes_beside_large_primitives_keep_their_spreads(ledger, amount, 
     # Half a unit, and 1 - length rounded: 1e-15 where it is smallest.
     row = ("kernels", "spreads of normals", "nodes of a rough sphere 1 to 1e-12 in size beside one large triangle")
     ledger.record(*row, cases=count, worst=worst, bound=0.51 * UNIT + 3e-7, unit="radians")
-
-
-def test_tiny_surfels_beside_a_hundred_thousand_large_ones_keep_their_colours():
-    """In a running sum over all leaves their weights would be lost in its last places."""
-    count, few = 100_000, 8
-    large = np.arange(count)[:, None] * [1e-6, 0.0, 0.0]
-    tiny = np.arange(few)[:, None] * 1e-6 - 1.0
-    radii = np.concatenate([np.ones(count), np.full(few, 1e-7)])
-    colors = np.full((count + few, 4), 255, np.uint8)
-    colors[-few:] = 10
-    positions = np.concatenate([large, np.broadcast_to(tiny, (few, 3))])
-    leaves, shapes, steps = sort_surfels(cloud_of(positions, np.tile([0.0, 0.0, 1.0], (count + few, 1)), radii, colors))
-    octree = build_octree(steps)
-    tiny_nodes = (octree.leaf_end <= few) & (leaves.radii[octree.leaf_begin] < 0.5)
-    assert tiny_nodes.any()
-    assert (splat_colors(octree, shapes, leaves)[: len(tiny_nodes)][tiny_nodes] == 10).all()
 
 
 ODD = [

@@ -99,35 +99,6 @@ def test_no_texel_falls_between_two_triangles(ledger, amount, rng, kind):
     ledger.record(*row, cases=cases, worst=worst, bound=ENCODING, unit="degrees")
 
 
-def test_a_wall_seen_edge_on_interpolates_between_its_corners(ledger, amount, rng):
-    """Within the slack of the inside test a sliver's weights could be any: they must stay between its corners."""
-    worst, cases = 0.0, 0
-    for _ in range(amount(40, 1_500)):
-        positions, faces = grid(2, 0.5)
-        width = 10.0 ** rng.uniform(-18.0, -6.0)
-        # Slivers along y = 0, nearer to the disc than the rest, with a normal of their own at every corner.
-        x = np.sort(rng.uniform(-0.9, 0.9, 3))
-        heights = rng.uniform(0.0, 0.1, 3)
-        sliver = np.stack([x, [0.0, width, 0.0] if rng.random() < 0.5 else [width, -width, 0.0], heights], axis=1)
-        upward = np.cross(sliver[1] - sliver[0], sliver[2] - sliver[0])[2] > 0.0
-        sliver = sliver if upward else sliver[::-1]
-        first = len(positions)
-        lean = np.concatenate([np.tile([0.0, 0.0, 1.0], (first, 1)), 0.1 * rng.normal(size=(3, 3)) + [0.0, 0.0, 1.0]])
-        normals = lean / np.linalg.norm(lean, axis=1, keepdims=True)
-        mesh = mesh_of(
-            np.concatenate([positions, sliver]),
-            np.concatenate([faces, [[first, first + 1, first + 2]]]),
-            normals=normals,
-        )
-        hierarchy = build_hierarchy(mesh)
-        found, _ = decoded(hierarchy, bake_tiles(hierarchy, 33), 0)
-        farthest = degrees(normals, np.array([0.0, 0.0, 1.0])).max()
-        worst = max(worst, degrees(found, np.array([0.0, 0.0, 1.0])).max() - farthest)
-        cases += 33
-    row = ("kernels", "tiles, beyond a triangle's corners", "slivers 1e-18 to 1e-6 wide under texels")
-    ledger.record(*row, cases=cases, worst=worst, bound=ENCODING, unit="degrees")
-
-
 def rough(rng):
     # Higher lobes, or flatter in float32, would pass through each other.
     model = bumpy_sphere(int(rng.integers(2, 4)), float(rng.uniform(0.0, 0.35)))
