@@ -61,11 +61,12 @@ class Skin:
 def gather_skin(parts: list[Part]) -> Skin | None:
     """Collect the textures of `parts`, or return None where none has both a texture and coordinates."""
     skin = Skin()
+    known: dict[int, int] = {}
     numbers, texels = [], []
     for part in parts:
         number, place_on_it = -1, np.zeros((len(part.positions), 2))
         if part.texture is not None and part.texture_coordinates is not None:
-            number = next((k for k, known in enumerate(skin.textures) if known is part.texture), len(skin.textures))
+            number = known.setdefault(id(part.texture), len(skin.textures))
             if number == len(skin.textures):
                 skin.textures.append(part.texture)
             height, width = part.texture.shape[:2]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from hierarchy.model import Float32Array, Float64Array, Int32Array, UInt8Array
 from hierarchy.part import AnyArray, Int64Array, UnreadableFile
@@ -23,7 +24,7 @@ from hierarchy.unique_rows import unique_positions
 TEXELS_PER_EDGE = 2.5
 
 # Splitting for a texture stops here: a hierarchy of so many leaves takes some seconds to build.
-MOST_FACES = 1_000_000
+MOST_FACES = 750_000
 
 # All textures of a model together may have so many: 256 MB. An image of a few kilobytes can hold a thousand times that.
 MOST_TEXELS = 1 << 26
@@ -37,6 +38,9 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "TGA", "WEBP", "GIF", "JPEG2000", "PPM"
 # A model gets so many faces for its textures, however small they are, and two for each of their texels: a texture that
 # repeats is worth more, but one that repeats a million times shows nothing, and a million needles take a minute.
 FACES_FOR_ANY = 100_000
+
+# Texels along a side of the squares in which a texture is looked at for whether it has more than one colour.
+VARIED_BLOCK = 64
 
 # Texels that an edge may span to be split at all. A wall of bricks may repeat a hundred times.
 MOST_SPAN = 1 << 16
@@ -134,10 +138,33 @@ def usable_coordinates(coordinates: Float64Array) -> Float64Array:
     return np.where(np.abs(coordinates) <= LARGEST_COORDINATE, coordinates, 0.0)
 
 
-def faces_for(textures: Sequence[UInt8Array]) -> int:
-    """Return how many faces a model may be split into for its textures."""
+@njit(cache=True, nogil=True)
+def varied_texels(texture: UInt8Array) -> int:
+    """Return how many texels lie in blocks that are not of one colour. Nearly all of a large blank image do not."""
+    height, width = texture.shape[:2]
+    varied = 0
+    for top in range(0, height, VARIED_BLOCK):
+        for left in range(0, width, VARIED_BLOCK):
+            bottom, right = min(top + VARIED_BLOCK, height), min(left + VARIED_BLOCK, width)
+            if _is_varied(texture[top:bottom, left:right]):
+                varied += (bottom - top) * (right - left)
+    return varied
+
+
+@njit(cache=True, nogil=True)
+def _is_varied(block: UInt8Array) -> bool:
+    for y in range(block.shape[0]):
+        for x in range(block.shape[1]):
+            for channel in range(block.shape[2]):
+                if block[y, x, channel] != block[0, 0, channel]:
+                    return True
+    return False
+
+
+def faces_for(textures: Sequence[UInt8Array], varied: Sequence[int]) -> int:
+    """Return how many faces a model may be split into for its textures, of which so many texels are varied."""
     # What is a strip makes needles; a square of four times its width is enough for them.
-    worth: int = sum(min(t.shape[0] * t.shape[1], 16 * min(t.shape[0], t.shape[1]) ** 2) for t in textures)
+    worth = sum(min(v, 16 * min(t.shape[0], t.shape[1]) ** 2) for v, t in zip(varied, textures, strict=True))
     return min(MOST_FACES, FACES_FOR_ANY + 2 * worth)
 
 
@@ -160,7 +187,8 @@ def paint(
     """
     shortest = SHORTEST_EDGE * float(np.abs(positions).max())
     # A texture of one colour needs no splitting; the last is for no texture.
-    is_varied = np.array([bool((texture != texture[0, 0]).any()) for texture in textures] + [False])
+    varied = [varied_texels(texture) for texture in textures]
+    is_varied = np.array([*varied, 0]) > 0
 
     def excess(positions: AnyArray, attributes: Sequence[AnyArray], ends: Int32Array) -> AnyArray:
         a, b = ends.T
@@ -177,14 +205,16 @@ def paint(
         faces,
         [normals, texels, colors, texture_of_vertex],
         excess,
-        most_faces=max(faces_for(textures), len(faces)),
+        most_faces=max(faces_for(textures, varied), len(faces)),
         points=points,
     )
     normals, texels, colors, texture_of_vertex = split.attributes
     # The middle of two opposite normals has none: keep it finite, along z.
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(lengths > 1e-6, normals / np.maximum(lengths, 1e-6), np.array([0.0, 0.0, 1.0]))
+    order = np.argsort(texture_of_vertex, kind="stable")
+    ends = np.searchsorted(texture_of_vertex[order], np.arange(len(textures) + 1))
     for number, texture in enumerate(textures):
-        painted = texture_of_vertex == number
+        painted = order[ends[number] : ends[number + 1]]
         colors[painted] = sample_bilinear(texture, texels[painted] / (texture.shape[1], texture.shape[0]))
     return split.positions, split.faces, normals.astype(np.float32), colors

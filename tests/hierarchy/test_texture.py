@@ -1,15 +1,25 @@
 import os
 import struct
+import time
 import zlib
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from hierarchy.assemble import gather_skin
 from hierarchy.load import load_model
 from hierarchy.model import ModelError, in_file_space
-from hierarchy.part import UnreadableFile
-from hierarchy.texture import FACES_FOR_ANY, MOST_FACES, TEXELS_PER_EDGE, paint, read_texture, sample_bilinear
+from hierarchy.part import Part, UnreadableFile
+from hierarchy.texture import (
+    FACES_FOR_ANY,
+    MOST_FACES,
+    TEXELS_PER_EDGE,
+    paint,
+    read_texture,
+    sample_bilinear,
+    varied_texels,
+)
 
 RNG = np.random.default_rng(4)
 TEXTURE = RNG.integers(0, 256, (5, 8, 4)).astype(np.uint8)
@@ -167,7 +177,7 @@ def test_a_huge_texture_stops_at_the_bound_and_parts_without_one_keep_their_colo
     texels = np.array([[0, 0], [4e4, 0], [0, 4e4], [0, 0], [0, 0], [0, 0]])
     numbers = np.array([0, 0, 0, -1, -1, -1], np.int32)
     texture = np.full((1000, 1000, 4), 77, np.uint8)
-    texture[0] = 78
+    texture[::7] = 78
     p, f, n, c = paint(positions, faces, normals, colors, [texture], numbers, texels)
     assert 0.5 * MOST_FACES < len(f) <= MOST_FACES
     plain = p[:, 0] > 2
@@ -211,3 +221,29 @@ def test_a_strip_of_a_texture_does_not_make_a_million_needles(tmp_path):
     Image.fromarray(RNG.integers(0, 256, (50_000, 2, 3)).astype(np.uint8)).save(tmp_path / "a.png")
     (tmp_path / "a.obj").write_text(QUAD)
     assert len(load_model(tmp_path / "a.obj", texture=tmp_path / "a.png").faces) <= FACES_FOR_ANY + 200
+
+
+def test_a_large_blank_texture_with_a_dot_is_worth_the_dot():
+    texture = np.zeros((1000, 3000, 4), np.uint8)
+    assert varied_texels(texture) == 0
+    texture[999, 2999] = 1
+    assert varied_texels(texture) == (1000 % 64) * (3000 % 64)
+    texture[10, 10, 3] = 1
+    assert varied_texels(texture) == (1000 % 64) * (3000 % 64) + 64 * 64
+    assert varied_texels(RNG.integers(0, 256, (100, 70, 4)).astype(np.uint8)) == 7000
+
+
+def test_twenty_thousand_textures_take_as_long_as_one(tmp_path):
+    """Each vertex was asked for each texture whether it is on it."""
+    textures = [np.full((2, 2, 4), k % 250, np.uint8) for k in range(20_000)]
+    positions = np.tile(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), (20_000, 1))
+    faces = np.arange(60_000, dtype=np.int32).reshape(-1, 3)
+    numbers = np.repeat(np.arange(20_000, dtype=np.int32), 3)
+    face = np.array([[0, 1, 2]])
+    parts = [Part(p, face, texture_coordinates=p[:, :2], texture=t)
+             for p, t in zip(positions.reshape(-1, 3, 3), textures, strict=True)]  # fmt: skip
+    start = time.process_time()
+    assert len(gather_skin(parts).textures) == 20_000
+    _, _, _, colors = paint(positions, faces, np.ones_like(positions), None, textures, numbers, np.zeros((60_000, 2)))
+    assert time.process_time() - start < 8.0
+    np.testing.assert_array_equal(colors[:, 0], numbers % 250)

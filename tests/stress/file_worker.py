@@ -21,14 +21,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 class ForkedChild:
     """Stands in for the process that `hierarchy.contained` starts: a copy of this one, which is there at once.
 
-    All else is as it would be: the pipes, the limits and the child's own code.
+    All else is as it would be: the pipes, the limits and the child's own code. `largest` is how many bytes the largest
+    child had of its own.
     """
+
+    largest = 0
 
     def __init__(self, path: Path, kind: str, memory: int, seconds: float) -> None:
         from hierarchy import contained_child
 
-        # A limit of address space counts what this process has already.
+        # A limit of address space counts what this process has already, and so does the size of the child.
         memory += _status("VmSize")
+        self.shared = _status("VmRSS")
         inner_in, outer_in = os.pipe()
         outer_out, inner_out = os.pipe()
         self.pid = os.fork()
@@ -54,14 +58,20 @@ class ForkedChild:
 
     def wait(self, timeout: float | None = None) -> int:
         if self.returncode is None:
-            self.returncode = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+            self._end(0)
+        assert self.returncode is not None
         return self.returncode
 
     def poll(self) -> int | None:
         if self.returncode is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            self.returncode = os.waitstatus_to_exitcode(status) if pid else None
+            self._end(os.WNOHANG)
         return self.returncode
+
+    def _end(self, how: int) -> None:
+        pid, status, usage = os.wait4(self.pid, how)
+        if pid:
+            self.returncode = os.waitstatus_to_exitcode(status)
+            ForkedChild.largest = max(ForkedChild.largest, 1024 * usage.ru_maxrss - self.shared)
 
 
 def _status(field: str) -> int:
@@ -76,6 +86,7 @@ def _status(field: str) -> int:
 
 
 def _forget_peak() -> None:
+    ForkedChild.largest = 0
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
@@ -83,9 +94,9 @@ def _forget_peak() -> None:
 
 
 def _peak_megabytes() -> float:
-    """Return the largest size that this process had since `_forget_peak`, and the largest of its children at all."""
+    """Return the largest size that this process and a child had since `_forget_peak`."""
     own = _status("VmHWM") or 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return (own + 1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) / 1e6
+    return (own + ForkedChild.largest) / 1e6
 
 
 def _seconds_of_work() -> float:

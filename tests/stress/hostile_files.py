@@ -19,6 +19,12 @@ Content = bytes | str | Callable[[Path], object]
 SUFFIXES = ("ply", "obj", "stl", "off", "glb", "gltf", "3mf", "dae", "las", "laz", "e57", "xyz", "pts", "csv", "zip",
             "tar.gz", "zae", "3dxml", "xaml", "dxf", "bz2", "stl_ascii")  # fmt: skip
 
+# What the suffixes stand for in the table.
+FORMATS = {"ply": "PLY", "obj": "OBJ", "stl": "STL", "stl_ascii": "STL", "off": "OFF", "glb": "GLB", "gltf": "glTF",
+           "3mf": "3MF", "dae": "COLLADA", "zae": "COLLADA", "las": "LAS", "laz": "LAZ", "e57": "E57",
+           "xyz": "points as text", "pts": "points as text", "csv": "points as text", "zip": "archives of models",
+           "gz": "archives of models", "bz2": "archives of models"}  # fmt: skip
+
 MEGABYTE = 1_000_000
 
 
@@ -26,7 +32,9 @@ def trial(label: str, name: str, content: Content, *options: str, **others: Cont
     """Return a trial of one file, and of others ("__" in their names is a dot)."""
     contents = {name: content, **{key.replace("__", "."): other for key, other in others.items()}}
     files = {key: each.encode() if isinstance(each, str) else each for key, each in contents.items()}
-    return Trial("hostile: " + name.rpartition(".")[2], files, name, ("--no-cache", *options), False, label)
+    return Trial(
+        FORMATS.get(name.rpartition(".")[2], "other scenes"), files, name, ("--no-cache", *options), False, label
+    )
 
 
 def truncated(seeds: list[Seed], rng: np.random.Generator, cuts: int) -> Iterator[Trial]:
@@ -37,7 +45,7 @@ def truncated(seeds: list[Seed], rng: np.random.Generator, cuts: int) -> Iterato
         some = rng.integers(0, len(data), cuts).tolist()
         for at in sorted({*ends[:60], *some}):
             files = {**seed.files, seed.mutated: seed.pack(data[:at])}
-            yield Trial("truncated: " + seed.kind, files, seed.name, ("--no-cache",), False, f"{seed.mutated}[:{at}]")
+            yield Trial(seed.kind, files, seed.name, ("--no-cache",), False, f"{seed.mutated}[:{at}]")
 
 
 def misnamed(seeds: list[Seed]) -> Iterator[Trial]:
@@ -178,7 +186,7 @@ def names() -> Iterator[Trial]:
         for content in (good, bad):
             label = f"{name[:20]!r}, {'good' if content == good else 'bad'}"
             files = {f"{name}.xyz": content, "a.png": b""}
-            yield Trial("names", files, f"{name}.xyz", ("--no-cache",), content == good, label)
+            yield Trial("points as text", files, f"{name}.xyz", ("--no-cache",), content == good, label)
         obj = f"mtllib {name}.mtl\nusemtl {name}\n{VERTEX_LINES}f 1 2 3\n".encode("utf-8", "surrogateescape")
         yield trial(f"mtllib {name[:20]!r}", "a.obj", obj)
 
@@ -199,17 +207,22 @@ def not_files() -> Iterator[Trial]:
         for suffix in ("ply", "obj", "stl", "las", "laz", "glb", "xyz", "e57", "3mf"):
             if kind != "sparse":
                 yield trial(f"a {kind} as a model", f"a.{suffix}", make)
-        yield Trial("hostile: textures", {"a.obj": skinned.encode(), "skin.png": make}, "a.obj",
+        yield Trial("images as textures", {"a.obj": skinned.encode(), "skin.png": make}, "a.obj",
                     ("--no-cache", "--texture", "skin.png"), False, f"a {kind} that was asked for")  # fmt: skip
         files = {"a.obj": b"mtllib a.mtl\nusemtl a\n" + skinned.encode(), "a.mtl": b"newmtl a\nmap_Kd skin.png\n"}
         yield Trial(
-            "hostile: textures", {**files, "skin.png": make}, "a.obj", ("--no-cache",), False, f"a {kind} in the folder"
+            "images as textures",
+            {**files, "skin.png": make},
+            "a.obj",
+            ("--no-cache",),
+            False,
+            f"a {kind} in the folder",
         )
     bombs = {"a program": b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n",
              "cut off": picture("PNG")[:60]}  # fmt: skip
     for label, data in bombs.items():
         files = {"a.obj": b"mtllib a.mtl\nusemtl a\n" + skinned.encode(), "a.mtl": b"newmtl a\nmap_Kd skin.png\n"}
-        yield Trial("hostile: textures", {**files, "skin.png": data}, "a.obj", ("--no-cache",), False, label)
+        yield Trial("images as textures", {**files, "skin.png": data}, "a.obj", ("--no-cache",), False, label)
 
 
 def far_points() -> Iterator[Trial]:

@@ -56,15 +56,19 @@ def interleaved(trials: Iterator[Trial], ways: int) -> Iterator[Trial]:
         yield from everything[start::ways]
 
 
-def report(ledger, tried: str, tallies: dict[str, Tally]) -> None:
+# What the table says of all of them.
+TRIED = "damaged at random, cut off at every line, and made by hand to mean harm"
+
+
+def report(ledger, tallies: dict[str, Tally]) -> None:
     """Fail with all that is not as promised, else note the slowest and the largest of each kind."""
     failures = list(itertools.chain.from_iterable(tally.failures for tally in tallies.values()))
     assert not failures, f"{len(failures)} failures, of them:\n" + "\n".join(failures[:20])
     for kind, tally in tallies.items():
-        ledger.record("files", kind, tried, cases=tally.cases, worst=tally.seconds, bound=MOST_SECONDS, unit="s")
+        ledger.record("files", kind, TRIED, cases=tally.cases, worst=tally.seconds, bound=MOST_SECONDS, unit="s")
     largest = max(tally.megabytes for tally in tallies.values())
     ledger.record(
-        "files", f"memory, {tried}", "the largest of the above", cases=0, worst=largest, bound=MOST_MEGABYTES, unit="MB"
+        "files", "memory", "the largest of all kinds", cases=0, worst=largest, bound=MOST_MEGABYTES, unit="MB"
     )
 
 
@@ -73,14 +77,15 @@ def seeds() -> list[Seed]:
     return all_seeds()
 
 
-def test_every_seed_opens_and_can_be_drawn(seeds):
-    tallies = run_trials(whole(each, number) for number, each in enumerate(seeds))
+def test_every_seed_opens_and_can_be_drawn(seeds, amount):
+    every = amount(3, 1)
+    tallies = run_trials(whole(each, number) for number, each in enumerate(seeds) if number % every == 0)
     assert [kind for kind, tally in tallies.items() if tally.failures or not tally.opened] == []
 
 
 def whole(seed: Seed, number: int) -> Trial:
     files = {**seed.files, seed.mutated: seed.pack(seed.files[seed.mutated])}
-    return Trial(f"{seed.kind} {number}", files, seed.name, ("--no-cache",), True, "whole")
+    return Trial(f"{seed.kind} {number}", files, seed.name, ("--no-cache",), True, "whole", number % 10 != 0)
 
 
 def test_damaged_files_open_or_are_refused_with_one_line(seeds, ledger, amount, pytestconfig):
@@ -91,4 +96,4 @@ def test_damaged_files_open_or_are_refused_with_one_line(seeds, ledger, amount, 
     # Damage that nothing survives would try little, and so would damage that changes nothing.
     opened = sum(tally.opened for tally in tallies.values())
     assert 0.1 * cases < opened < 0.8 * cases
-    report(ledger, "1 to 4 kinds of damage at random", tallies)
+    report(ledger, tallies)
