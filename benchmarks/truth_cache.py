@@ -62,7 +62,8 @@ class TruthCache:
 
     def _path(self, view: View) -> Path:
         """Name a reference by all that it depends on."""
-        numbers = [*view.eye_from_model.ravel(), view.view_angle, view.parallel_scale or 0.0, view.width, view.height, self._samples]
+        lens = [view.view_angle, view.parallel_scale or 0.0, view.width, view.height]
+        numbers = [*view.eye_from_model.ravel(), *lens, self._samples]
         key = _digest(self._code.encode(), self._subject.digest.encode(), np.array(numbers, np.float64).tobytes())
         return self._folder / f"{self._subject.name}-{key}.npz"
 
