@@ -164,7 +164,7 @@ def _is_varied(block: UInt8Array) -> bool:
 def faces_for(textures: Sequence[UInt8Array], varied: Sequence[int]) -> int:
     """Return how many faces a model may be split into for its textures, of which so many texels are varied."""
     # What is a strip makes needles; a square of four times its width is enough for them.
-    worth = sum(min(v, 16 * int(min(t.shape[:2])) ** 2) for v, t in zip(varied, textures, strict=True))
+    worth: int = sum(min(v, 16 * int(min(t.shape[:2])) ** 2) for v, t in zip(varied, textures, strict=True))
     return min(MOST_FACES, FACES_FOR_ANY + 2 * worth)
 
 
