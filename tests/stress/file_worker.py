@@ -18,6 +18,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 
+# What a process that has loaded all libraries takes, in MB.
+FRESH = 200
+
+
 class ForkedChild:
     """Stands in for the process that `hierarchy.contained` starts: a copy of this one, which is there at once.
 
@@ -93,10 +97,13 @@ def _forget_peak() -> None:
         pass
 
 
-def _peak_megabytes() -> float:
-    """Return the largest size that this process and a child had since `_forget_peak`."""
+def _peak_megabytes(before: int) -> float:
+    """Return the largest size of a process, with its child, that starts afresh for a file.
+
+    before : bytes that this one, which may have compiled kernels, had before the file
+    """
     own = _status("VmHWM") or 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return (own + ForkedChild.largest) / 1e6
+    return (max(own - before, 0) + ForkedChild.largest) / 1e6 + FRESH
 
 
 def _seconds_of_work() -> float:
@@ -145,6 +152,7 @@ def serve() -> None:
             stream.seek(0)
             stream.truncate()
         _forget_peak()
+        before = _status("VmRSS")
         start, start_of_work = time.perf_counter(), _seconds_of_work()
         status, trace = _open(arguments)
         # On a machine that does other things as well, what counts is the work.
@@ -153,7 +161,7 @@ def serve() -> None:
             text.flush()
         said.seek(0)
         complaint = said.read(100_000).decode("utf-8", "backslashreplace") + trace
-        answer = [status, complaint, os.fstat(told.fileno()).st_size, seconds, _peak_megabytes()]
+        answer = [status, complaint, os.fstat(told.fileno()).st_size, seconds, _peak_megabytes(before)]
         replies.write(json.dumps(answer) + "\n")
         replies.flush()
 

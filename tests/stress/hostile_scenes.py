@@ -86,8 +86,10 @@ def gltf_files() -> Iterator[Trial]:
     yield trial("nodes that double", "a.glb", with_buffer(nodes=laughs))
     chain = [{"children": [k + 1]} for k in range(20_000)] + [{"mesh": 0}]
     yield trial("a long chain of nodes", "a.glb", with_buffer(nodes=chain))
-    many = [{"mesh": 0}] * 20_000
-    yield trial("many nodes of one mesh", "a.glb", with_buffer(nodes=many, scenes=[{"nodes": list(range(20_000))}]))
+    for count, apart in ((20_000, 1.0), (500, 0.0)):
+        many = [{"mesh": 0, "translation": [apart * k, 0, apart * (k % 100)]} for k in range(count)]
+        scenes = [{"nodes": list(range(count))}]
+        yield trial(f"{count} nodes of one mesh, {apart} apart", "a.glb", with_buffer(nodes=many, scenes=scenes))
     for text in (
         "[" * MEGABYTE,
         '{"a":' * 200_000,
