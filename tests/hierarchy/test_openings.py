@@ -147,7 +147,7 @@ def check_law(hierarchy, view, radii=(0.0, 0.0), samples=1):
     return visible & facing_away(hierarchy, view)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.sampled_from([*CLOSED]), seeds, st.sampled_from([(0.0, 0.0), (0.0, 0.0), (1.0, 6.0)]))
 def test_no_back_that_is_seen_is_culled(name, seed, radii):
     rng = np.random.default_rng(seed)
@@ -164,7 +164,7 @@ def test_triangles_that_hang_on_nothing(seed):
     check_law(hierarchy, random_view(hierarchy, rng))
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, deadline=None, max_examples=40)
 @given(seeds)
 def test_caps_that_pass_through_large_triangles(seed):
     """A rough landscape of few triangles rises above its cap and falls below it within one triangle."""

@@ -77,7 +77,7 @@ def seeds() -> list[Seed]:
 
 
 def test_every_seed_opens_and_can_be_drawn(seeds, amount):
-    every = amount(3, 1)
+    every = amount(6, 1)
     tallies = run_trials(whole(each, number) for number, each in enumerate(seeds) if number % every == 0)
     assert [kind for kind, tally in tallies.items() if tally.failures or not tally.opened] == []
 
@@ -88,7 +88,7 @@ def whole(seed: Seed, number: int) -> Trial:
 
 
 def test_damaged_files_open_or_are_refused_with_one_line(seeds, ledger, amount, pytestconfig):
-    seed, cases = pytestconfig.getoption("--stress-seed"), amount(300, 47_000)
+    seed, cases = pytestconfig.getoption("--stress-seed"), amount(120, 47_000)
     workers = amount(1, 2)
     tallies = run_trials(interleaved(damaged(seeds, seed, cases), 16), workers=workers)
     assert sum(tally.cases for tally in tallies.values()) >= 0.98 * cases
