@@ -6,8 +6,10 @@ until an edge spans only a few.
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +39,7 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "TGA", "WEBP", "GIF", "JPEG2000", "PPM"
 
 # A model gets so many faces for its textures, however small they are, and two for each of their texels: a texture that
 # repeats is worth more, but one that repeats a million times shows nothing, and a million needles take a minute.
-FACES_FOR_ANY = 100_000
+FACES_FOR_ANY = 20_000
 
 # Texels along a side of the squares in which a texture is looked at for whether it has more than one colour.
 VARIED_BLOCK = 64
@@ -63,7 +65,7 @@ def read_texture(path: Path, most: int = MOST_TEXELS) -> UInt8Array:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with Image.open(path, formats=FORMATS) as image:
+            with Image.open(path, formats=FORMATS) as image, hushed(image.format == "TIFF"):
                 return texels(image, most)
     except FileNotFoundError:
         raise UnreadableFile(f"no such texture: {name}") from None
@@ -74,6 +76,27 @@ def read_texture(path: Path, most: int = MOST_TEXELS) -> UInt8Array:
     except Exception as error:
         # Pillow raises a dozen kinds for damaged images.
         raise UnreadableFile(f"the texture {name} is no readable image") from error
+
+
+@contextmanager
+def hushed(is_wanted: bool) -> Iterator[None]:
+    """Throw away what C code writes to the standard error within the block: libtiff's words on damaged images."""
+    try:
+        kept = os.dup(2) if is_wanted else -1
+    except OSError:
+        # A program without a terminal may have no standard error.
+        kept = -1
+    if kept < 0:
+        yield
+        return
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def texels(image: Any, most: int = MOST_TEXELS) -> UInt8Array:

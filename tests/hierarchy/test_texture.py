@@ -112,6 +112,20 @@ def test_an_image_that_unpacks_to_gigabytes(tmp_path):
     assert read_texture(tmp_path / "a.png", most=200).shape == (10, 20, 4)
 
 
+def test_a_damaged_tiff_has_nothing_to_say_on_the_standard_error(tmp_path, capfd):
+    """libtiff writes to it by itself."""
+    Image.fromarray(RNG.integers(0, 256, (40, 40, 3)).astype(np.uint8)).save(tmp_path / "a.tif", compression="tiff_lzw")
+    data = bytearray((tmp_path / "a.tif").read_bytes())
+    for at in range(60, len(data), 97):
+        (tmp_path / "a.tif").write_bytes(data[:at] + b"\xff\xff\xff" + data[at + 3 :])
+        try:
+            read_texture(tmp_path / "a.tif")
+        except UnreadableFile:
+            pass
+    os.write(2, b"afterwards it is heard again\n")
+    assert capfd.readouterr().err == "afterwards it is heard again\n"
+
+
 def test_an_image_of_no_texel(tmp_path):
     (tmp_path / "a.gif").write_bytes(b"GIF89a" + bytes(7) + b",\0\0\0\0\0\0\0\0\0\2\0;")
     with pytest.raises(UnreadableFile, match="no readable image"):
