@@ -91,7 +91,7 @@ def test_damaged_files_open_or_are_refused_with_one_line(seeds, ledger, amount, 
     seed, cases = pytestconfig.getoption("--stress-seed"), amount(120, 47_000)
     workers = amount(1, 2)
     tallies = run_trials(interleaved(damaged(seeds, seed, cases), 16), workers=workers)
-    assert sum(tally.cases for tally in tallies.values()) >= 0.98 * cases
+    assert sum(tally.cases for tally in tallies.values()) >= 0.95 * cases
     # Damage that nothing survives would try little, and so would damage that changes nothing.
     opened = sum(tally.opened for tally in tallies.values())
     assert 0.1 * cases < opened < 0.8 * cases
