@@ -6,7 +6,7 @@ import math
 
 import numba as nb
 
-# exp(-3) = 5% is left at the rim: enough that a pixel under rims alone is still well normalised in half floats.
+# exp(-3) = 5% is left at the rim: enough that a pixel under rims alone is still well normalised.
 SHARPNESS = 3.0
 
 

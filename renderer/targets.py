@@ -49,8 +49,8 @@ class Targets:
             self.visible_depth = held.add(ctx.depth_texture(size))
             # Read with texelFetch, never compared.
             self.visible_depth.compare_func = ""
-            # In half floats a sum stays where it is once what comes is half a unit of its last place: some hundred
-            # splats in a pixel bent the normal by degrees.
+            # In half floats a sum stays where it is once what comes is half a unit of its last place: a thousand
+            # splats in a pixel bent the normal by more than half a degree.
             self.sums: dict[str, moderngl.Texture] = {"normal": held.add(ctx.texture(size, 4, dtype="f4"))}
             if color:
                 self.sums["color"] = held.add(ctx.texture(size, 4, dtype="f4"))

@@ -53,7 +53,7 @@ def normals_all_round(seed: int = 1) -> tuple[Float32Array, BoolArray, Float32Ar
     """Return unit normals in all directions, a mask and colours, in model space."""
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=(HEIGHT, WIDTH, 3))
-    # In half floats, which the viewer's sums hold, these are exact.
+    # Exact in floats of any width.
     normal = np.round(normal / np.linalg.norm(normal, axis=-1, keepdims=True) * 512.0) / 512.0
     hit = rng.random((HEIGHT, WIDTH)) < 0.7
     color = np.round(rng.random((HEIGHT, WIDTH, 3)) * 255.0) / 255.0
@@ -96,7 +96,7 @@ def test_one_sample_is_what_the_viewer_shows(
     shader.start(VIEW, two_sided=two_sided)
     shader.add(normal, hit, color if colored else None)
     picture = shader.picture()
-    # The viewer's half floats are 11 bits: a few levels are rounded the other way.
+    # What lies between two levels may be rounded the other way.
     difference = np.abs(picture.astype(int) - shown)
     assert difference.max() <= 1
     assert (difference == 0).mean() > 0.95

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from ledger import Ledger, fill_in
+from stage import Stage
 
 from renderer.context import ContextError, create_headless_context
 from renderer.renderer import Renderer
@@ -79,6 +80,15 @@ def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
     # moderngl binds the last framebuffer again after it read another one; that must not be one that is gone.
     ctx.detect_framebuffer(0).use()
     made.release()
+
+
+@pytest.fixture(scope="module")
+def stage(gl_context: moderngl.Context) -> Iterator[Stage]:
+    """A renderer that a module's tests share: compiling its shaders takes longer than most of their pictures."""
+    with gl_context:
+        made = Stage(gl_context)
+        yield made
+        made.release()
 
 
 def pytest_report_header(config: pytest.Config) -> str:

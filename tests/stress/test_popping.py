@@ -18,7 +18,6 @@ from hierarchy.lod import Cut, select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.view import View, look_at
-from renderer.context import ContextError, create_headless_context
 from renderer.frame import Frame
 from renderer.settings import Settings
 
@@ -32,19 +31,6 @@ STEP = 1e-3
 SHARE_OF_PIXEL = 10.0 * STEP
 
 Scene = tuple[Hierarchy, NormalTiles]
-
-
-@pytest.fixture(scope="module")
-def stage() -> Iterator[Stage]:
-    try:
-        context = create_headless_context()
-    except ContextError as error:
-        pytest.skip(str(error))
-    with context:
-        made = Stage(context)
-        yield made
-        made.release()
-    context.release()
 
 
 @pytest.fixture(scope="module")

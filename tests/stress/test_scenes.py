@@ -4,7 +4,7 @@ holes that its triangles have not."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -20,7 +20,6 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.model import Mesh, Model
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.view import View
-from renderer.context import ContextError, create_headless_context
 from renderer.frame import Frame
 from renderer.settings import Settings
 
@@ -40,19 +39,6 @@ SETTINGS = (
 SIZE = (72, 56)
 # The fast share sees every scene through some of the views.
 FAST_VIEWS = ("oblique", "in the centre", "on the surface, across", "a million diagonals away", "170 degrees, close")
-
-
-@pytest.fixture(scope="module")
-def stage() -> Iterator[Stage]:
-    try:
-        context = create_headless_context()
-    except ContextError as error:
-        pytest.skip(str(error))
-    with context:
-        made = Stage(context)
-        yield made
-        made.release()
-    context.release()
 
 
 def make(name: str, rng: np.random.Generator) -> Model:
