@@ -1,7 +1,7 @@
 # make run [MODEL=path]   open the window, or draw a PNG where there is no display
 # make test               everything that has to hold: lint and tests
 # make lint               ruff, mypy and import-linter
-# make stress             all cases of the stress tests, and what they found in docs/numerics.md (30 minutes at most)
+# make stress             all cases of the stress tests, and what they found in docs/numerics.md
 # make bench [MODELS=...] measure run time against error, and redraw the tables and plots of docs/benchmarks.md
 #
 # Each does all the set-up by itself: a virtual environment with the package, and on a Debian-like machine, run as
