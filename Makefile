@@ -18,6 +18,9 @@ STAMP := $(VENV)/.installed
 LIBRARIES := libEGL.so.1:libegl1 libGL.so.1:libgl1
 PROGRAMS := Xvfb:xvfb xdotool:xdotool
 
+# Tests that run at once. More than the cores of a small machine would only wait for each other's kernels.
+JOBS ?= 2
+
 # What is measured: the built-in model, and real ones where their folder is there. The first is seen from all views.
 SCANS := $(wildcard ../shared/models/igea.ply ../shared/models/stanford-bunny.obj)
 MODELS ?= $(SCANS) built-in
@@ -31,7 +34,7 @@ run: $(STAMP)
 
 test: lint
 	@$(call install_missing,$(LIBRARIES),$(PROGRAMS))
-	$(VENV)/bin/python -m pytest $(PYTEST_ARGS)
+	$(VENV)/bin/python -m pytest -n $(JOBS) --dist worksteal $(PYTEST_ARGS)
 
 stress: $(STAMP)
 	@$(call install_missing,$(LIBRARIES),$(PROGRAMS))

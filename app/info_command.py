@@ -19,7 +19,7 @@ def run_info(options: Options) -> None:
     reporter = Reporter(options.verbose)
     cache = user_cache(options, reporter.say)
     source = ModelSource(options.model, options.texture, options.points)
-    scene = open_scene(source, options.texels, reporter.progress, cache=cache)
+    scene = open_scene(source, options.baked_texels, reporter.progress, cache=cache)
     if options.json:
         # The warnings are in the description.
         print(json.dumps(describe(scene), indent=2))

@@ -49,6 +49,7 @@ class Options:
     model : path of the model, None: the built-in one
     r_sil, r_inner : largest radii in pixels of silhouette and other surfels
     texels : texels along one side of a normal tile, the paper's w_s
+    baked_texels : the same of the tiles to bake for all nodes, None: none (info)
     max_error : largest mean error in degrees (normals) and pixels (outline) that the three follow from, None: they are
         as given
     fps : frames a second to hold by drawing coarser, None: as many as there are
@@ -68,6 +69,7 @@ class Options:
     r_sil: float = 2.0
     r_inner: float = 16.0
     texels: int = 16
+    baked_texels: int | None = None
     max_error: tuple[float, float] | None = None
     fps: float | None = None
     splat: str = "quad"
@@ -133,7 +135,7 @@ _USAGE = {
     "       %(prog)s info [MODEL] [--json]\n       %(prog)s bench [MODEL ...] [options]\n"
     "       %(prog)s cache [--clear]",
     "render": "%(prog)s [MODEL] --output FILE [options]",
-    "info": "%(prog)s [MODEL] [--json]",
+    "info": "%(prog)s [MODEL] [--w-s N] [--json]",
     "cache": "%(prog)s [--clear]",
 }
 
@@ -158,7 +160,7 @@ def _parser(command: str) -> _Parser:
         parser.add_argument("--clear", action="store_true", help="remove all of it")
         return parser
     parser.add_argument("model", metavar="MODEL", nargs="?", default=None, type=Path, help=MODEL_HELP)
-    _add_model_options(parser)
+    _add_model_options(parser, command)
     if command != "info":
         _add_picture_options(parser)
         _add_goal_options(parser, command)
@@ -186,16 +188,18 @@ def _version() -> str:
         return "(not installed)"
 
 
-def _add_model_options(parser: argparse.ArgumentParser) -> None:
+def _add_model_options(parser: argparse.ArgumentParser, command: str) -> None:
     group = parser.add_argument_group("model")
     group.add_argument("--points", action="store_true", help="build a point hierarchy from a mesh, too")
     group.add_argument("--texture", metavar="FILE", type=Path, help="colour the surfels by FILE")
     group.add_argument(
         "--w-s",
         metavar="N",
-        dest="texels",
+        dest="baked_texels" if command == "info" else "texels",
         type=option_values.texels,
-        help="texels along one side of a normal tile (16)",
+        help="bake the tiles of all nodes, too: N texels a side"
+        if command == "info"
+        else "texels along one side of a normal tile (16)",
     )
     group.add_argument(
         "--no-cache", dest="cache", action="store_false", help="build the model anew, and do not keep it"

@@ -49,11 +49,13 @@ class Skin:
     """The textures of a model's parts, and where each vertex of all parts together lies on one.
 
     textures : uint8 (H, W, 4) each
+    copies : how often the model holds what lies on each
     texture_of_vertex : int32 (V,), -1 for none
     texels : float64 (V, 2), texture coordinates times the texture's width and height
     """
 
     textures: list[UInt8Array] = field(default_factory=list)
+    copies: list[int] = field(default_factory=list)
     texture_of_vertex: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
     texels: Float64Array = field(default_factory=lambda: np.empty((0, 2)))
 
@@ -69,6 +71,8 @@ def gather_skin(parts: list[Part]) -> Skin | None:
             number = known.setdefault(id(part.texture), len(skin.textures))
             if number == len(skin.textures):
                 skin.textures.append(part.texture)
+                skin.copies.append(1)
+            skin.copies[number] = max(skin.copies[number], part.copies)
             height, width = part.texture.shape[:2]
             coordinates = np.nan_to_num(part.texture_coordinates, nan=0.0, posinf=0.0, neginf=0.0)
             place_on_it = coordinates * (width, height)
@@ -125,7 +129,7 @@ def assemble_mesh(name: str, parts: list[Part], warnings: list[str], progress: P
     colors = None if part.colors is None else attributes[0]
     if skin is not None:
         placed, faces, normals, colors = paint(
-            placed, faces, normals, colors, skin.textures, attributes[-2], attributes[-1]
+            placed, faces, normals, colors, skin.textures, attributes[-2], attributes[-1], copies=skin.copies
         )
     progress("load", 1.0)
     return Mesh(name, origin, placed, faces, normals, colors, closed, tuple(warnings), scale)

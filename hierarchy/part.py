@@ -31,6 +31,7 @@ class Part:
     texture_name : the texture's file as the model names it, not yet read, or None
     material_color : RGBA 0 to 255 where neither `colors` nor a texture says otherwise, or None
     bad_faces : faces that the reader had to leave out because an index was out of range
+    copies : how often the part holds what the file has once (a scene may place one mesh many times)
     """
 
     positions: Float64Array
@@ -42,6 +43,7 @@ class Part:
     texture_name: str | None = None
     material_color: tuple[int, int, int, int] | None = None
     bad_faces: int = 0
+    copies: int = 1
 
 
 def indices_in_range(faces: Int64Array, vertices: int) -> BoolArray:

@@ -56,7 +56,13 @@ def send_part(stream: BinaryIO, part: Part) -> None:
     color = None if part.material_color is None else [int(value) for value in part.material_color]
     send_message(
         stream,
-        {"part": shapes, "texture_name": part.texture_name, "material_color": color, "bad_faces": int(part.bad_faces)},
+        {
+            "part": shapes,
+            "texture_name": part.texture_name,
+            "material_color": color,
+            "bad_faces": int(part.bad_faces),
+            "copies": part.copies,
+        },
     )
     for name, dtype in ARRAYS.items():
         # An empty array has no bytes to look at.
@@ -75,6 +81,7 @@ def receive_part(stream: BinaryIO, message: dict[str, Any], most_bytes: int) -> 
         color = message["material_color"]
         red, green, blue, alpha = (int(value) for value in color or (0, 0, 0, 0))
         bad_faces, texture_name = int(message["bad_faces"]), message["texture_name"]
+        copies = int(message["copies"])
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise BrokenStream from error
     _check_shapes(shapes)
@@ -84,7 +91,7 @@ def receive_part(stream: BinaryIO, message: dict[str, Any], most_bytes: int) -> 
     arrays: dict[str, Any] = {
         name: _receive_array(stream, shapes[name], dtype) for name, dtype in ARRAYS.items() if name in shapes
     }
-    part = Part(**arrays, bad_faces=bad_faces)
+    part = Part(**arrays, bad_faces=bad_faces, copies=copies)
     part.texture_name = None if texture_name is None else str(texture_name)
     part.material_color = None if color is None else (red, green, blue, alpha)
     return part, total

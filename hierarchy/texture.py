@@ -184,10 +184,12 @@ def _is_varied(block: UInt8Array) -> bool:
     return False
 
 
-def faces_for(textures: Sequence[UInt8Array], varied: Sequence[int]) -> int:
+def _faces_for(textures: Sequence[UInt8Array], varied: Sequence[int], copies: Sequence[int]) -> int:
     """Return how many faces a model may be split into for its textures, of which so many texels are varied."""
     # What is a strip makes needles; a square of four times its width is enough for them.
-    worth: int = sum(min(v, 16 * int(min(t.shape[:2])) ** 2) for v, t in zip(varied, textures, strict=True))
+    worth: int = sum(
+        count * min(v, 16 * int(min(t.shape[:2])) ** 2) for v, t, count in zip(varied, textures, copies, strict=True)
+    )
     return min(MOST_FACES, FACES_FOR_ANY + 2 * worth)
 
 
@@ -199,6 +201,8 @@ def paint(
     textures: Sequence[UInt8Array],
     texture_of_vertex: Int32Array,
     texels: Float64Array,
+    *,
+    copies: Sequence[int] | None = None,
 ) -> tuple[Float32Array, Int32Array, Float32Array, UInt8Array]:
     """Put textures into vertex colours, splitting triangles until an edge spans at most `TEXELS_PER_EDGE` texels.
 
@@ -206,6 +210,7 @@ def paint(
     colors : uint8 (V, 4) of the vertices without a texture; None is white
     texture_of_vertex : int32 (V,), the number of a texture, one for all corners of a face, or -1
     texels : float64 (V, 2), texture coordinates times the texture's width and height
+    copies : how often the mesh holds what lies on each texture; None: once
     Returns positions, faces, normals and colours of a mesh of at most `MOST_FACES` faces, or as many as it had.
     """
     shortest = SHORTEST_EDGE * float(np.abs(positions).max())
@@ -228,7 +233,7 @@ def paint(
         faces,
         [normals, texels, colors, texture_of_vertex],
         excess,
-        most_faces=max(faces_for(textures, varied), len(faces)),
+        most_faces=max(_faces_for(textures, varied, copies or [1] * len(textures)), len(faces)),
         points=points,
     )
     normals, texels, colors, texture_of_vertex = split.attributes

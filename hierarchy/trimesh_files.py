@@ -7,13 +7,14 @@ Small files of these kinds may ask for any time and memory (archives, references
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hierarchy.model import UInt8Array
-from hierarchy.part import Part, UnreadableFile, indices_in_range, split_corners
+from hierarchy.model import Float64Array, UInt8Array
+from hierarchy.part import AnyArray, Part, UnreadableFile, indices_in_range, split_corners
 from hierarchy.references import inside_folder
 from hierarchy.texture import texels
 from hierarchy.unpacking import check_unpacked
@@ -41,14 +42,14 @@ def read_with_trimesh(path: Path, kind: str, warnings: list[str]) -> list[Part]:
     with path.open("rb") as stream:
         scene = trimesh.load_scene(stream, file_type=kind, resolver=_folder_resolver(path, warnings), process=False)
     parts, elements = [], 0
-    for transform, geometry in _placed_geometries(scene):
+    for geometry, transforms in _placed_geometries(scene):
         # Before it is copied: a scene may place one geometry any number of times.
-        elements += len(getattr(geometry, "faces", getattr(geometry, "vertices", ())))
+        elements += len(transforms) * len(getattr(geometry, "faces", getattr(geometry, "vertices", ())))
         check_unpacked(elements, size)
         if isinstance(geometry, trimesh.Trimesh):
-            parts.append(_moved(mesh_part(geometry), transform))
+            parts.append(_placed(mesh_part(geometry), transforms))
         elif isinstance(geometry, trimesh.PointCloud):
-            parts.append(_moved(_points_part(geometry), transform))
+            parts.append(_placed(_points_part(geometry), transforms))
     if not parts:
         raise UnreadableFile("nothing to draw: it holds neither faces nor points")
     return parts
@@ -82,11 +83,14 @@ def _folder_resolver(path: Path, warnings: list[str]) -> Any:
     return FolderResolver(path.parent)
 
 
-def _placed_geometries(scene: Any) -> Iterator[tuple[np.ndarray, Any]]:
-    """Yield the transform (4, 4) and the geometry of every node that has one."""
+def _placed_geometries(scene: Any) -> Iterator[tuple[Any, Float64Array]]:
+    """Yield every geometry that is placed somewhere, and the transforms of its nodes, float64 (N, 4, 4)."""
+    transforms: dict[str, list[Any]] = {}
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]
-        yield np.asarray(transform, np.float64), scene.geometry[name]
+        transforms.setdefault(name, []).append(transform)
+    for name, placed in transforms.items():
+        yield scene.geometry[name], np.array(placed, np.float64)
 
 
 def mesh_part(mesh: Any) -> Part:
@@ -155,17 +159,38 @@ def _points_part(cloud: Any) -> Part:
     return part
 
 
-def _moved(part: Part, transform: np.ndarray) -> Part:
-    """Apply a transform (4, 4) to positions and normals; one that mirrors turns the faces round."""
-    if np.array_equal(transform, np.eye(4)):
+def _placed(part: Part, transforms: Float64Array) -> Part:
+    """Return a part once for each of `transforms` (N, 4, 4), all in one; one that mirrors turns the faces round."""
+    count, vertices = len(transforms), len(part.positions)
+    if count == 1 and np.array_equal(transforms[0], np.eye(4)):
         return part
-    linear = transform[:3, :3]
-    part.positions = part.positions @ linear.T + transform[:3, 3]
-    mirrored = bool(np.linalg.det(linear) < 0.0)
+    linear = transforms[:, :3, :3]
+    positions = part.positions @ linear.transpose(0, 2, 1) + transforms[:, None, :3, 3]
+    mirrored = np.linalg.det(linear) < 0.0
+    normals, faces = None, None
     if part.normals is not None:
         # The cofactor matrix is the inverse transpose times the determinant, and exists for flat transforms too.
-        cofactors = np.stack([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
-        part.normals = part.normals @ (-cofactors if mirrored else cofactors).T
-    if mirrored and part.faces is not None:
-        part.faces = part.faces[:, ::-1].copy()
-    return part
+        cofactors = np.stack([np.cross(linear[:, (i + 1) % 3], linear[:, (i + 2) % 3]) for i in range(3)], axis=1)
+        cofactors[mirrored] *= -1.0
+        normals = (part.normals @ cofactors.transpose(0, 2, 1)).reshape(-1, 3)
+    if part.faces is not None:
+        # An index out of range stays out of range, and does not reach another copy's vertices.
+        in_range = indices_in_range(part.faces, vertices)
+        bad_faces = count * int(len(in_range) - in_range.sum())
+        copies = part.faces[in_range] + vertices * np.arange(count, dtype=np.int64)[:, None, None]
+        copies[mirrored] = copies[mirrored][:, :, ::-1]
+        part = replace(part, bad_faces=count * part.bad_faces + bad_faces)
+        faces = copies.reshape(-1, 3)
+    return replace(
+        part,
+        copies=count,
+        positions=positions.reshape(-1, 3),
+        faces=faces,
+        normals=normals,
+        colors=_repeated(part.colors, count),
+        texture_coordinates=_repeated(part.texture_coordinates, count),
+    )
+
+
+def _repeated(values: AnyArray | None, count: int) -> AnyArray | None:
+    return None if values is None else np.tile(values, (count, 1))

@@ -9,7 +9,7 @@ from PIL import Image
 
 from hierarchy.load import load_model
 from hierarchy.model import Mesh, ModelError, PointCloud, in_file_space
-from hierarchy.trimesh_files import mesh_part, read_with_trimesh
+from hierarchy.trimesh_files import _placed, mesh_part, read_with_trimesh
 
 
 def scene_with(transform, mesh):
@@ -79,6 +79,21 @@ def test_a_mirror_turns_the_faces_round_again(tmp_path):
         unit = part.normals / np.linalg.norm(part.normals, axis=1, keepdims=True)
         expected /= np.linalg.norm(expected, axis=1, keepdims=True)
         assert np.einsum("ij,ij->i", unit, expected).min() > 0.99
+
+
+def test_placed_often_is_read_once():
+    """All copies are there, mirrored ones with their faces turned round; a bad face is no other copy's."""
+    mesh = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 3]], process=False)
+    mesh.visual.vertex_colors = [[1, 2, 3, 255], [4, 5, 6, 255], [7, 8, 9, 255]]
+    transforms = np.tile(np.eye(4), (200, 1, 1))
+    transforms[:, 2, 3] = np.arange(200)
+    transforms[1::2, 1, 1] = -1.0
+    part = _placed(mesh_part(mesh), transforms)
+    assert (len(part.positions), part.bad_faces, part.copies) == (600, 200, 200)
+    corners = part.positions[part.faces]
+    np.testing.assert_array_equal(corners[:, :, 2], np.repeat(np.arange(200.0)[:, None], 3, axis=1))
+    np.testing.assert_array_equal(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2], 1.0)
+    np.testing.assert_array_equal(np.sort(part.colors[part.faces, 0], axis=1), np.tile([1, 4, 7], (200, 1)))
 
 
 def test_vertex_colours(tmp_path):
@@ -193,7 +208,7 @@ def test_a_small_mesh_placed_many_times(tmp_path):
     tree["nodes"] = [{"mesh": mesh} for _ in range(300)]
     tree["scenes"] = [{"nodes": list(range(300))}]
     path.write_text(json.dumps(tree))
-    assert refusal(path).startswith("it unpacks to 1,003,520 points or faces, too many")
+    assert refusal(path).startswith("it unpacks to 1,536,000 points or faces, too many")
 
 
 def test_an_accessor_without_a_buffer(tmp_path):

@@ -7,6 +7,7 @@ import io
 import os
 import zipfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -233,3 +234,50 @@ def far_points() -> Iterator[Trial]:
         yield trial(f"a cloud of size {scale:g}", "a.xyz", rows)
         corners = "".join(f"v {x * scale!r} {y * scale!r} {z * scale!r}\n" for x, y, z in POINTS[:8].tolist())
         yield trial(f"a mesh of size {scale:g}", "a.obj", corners + "f 1 2 3\nf 4 5 6\nf 6 7 8\nf 1 5 8\n")
+
+
+def crowds() -> Iterator[Trial]:
+    """Yield as many primitives as a megabyte holds, in places where each is near to all others; each is drawn, too."""
+    rng = np.random.default_rng(4)
+    corners = rng.uniform(-1.0, 1.0, (20_000, 3))
+    turns = np.linspace(0.0, 6.0, 50_000)
+    circle = np.stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)], axis=1)
+    steps = np.arange(len(turns) - 1)
+    shells = np.concatenate(
+        [0.99**k * corners[:24] / np.linalg.norm(corners[:24], axis=1)[:, None] for k in range(800)]
+    )
+    hulls = 24 * np.arange(800)[:, None, None] + rng.integers(0, 24, (100, 3))
+    meshes = {
+        "needles": (corners, rng.integers(0, len(corners), (100_000, 3))),
+        "triangles among sixty points": (corners[:60], rng.integers(0, 60, (140_000, 3))),
+        "coincident triangles": (corners[:3], np.tile([0, 1, 2], (140_000, 1))),
+        "a fan": (np.concatenate([np.zeros((1, 3)), circle]), np.stack([0 * steps, 1 + steps, 2 + steps], axis=1)),
+        "shells in shells": (shells, hulls.reshape(-1, 3)),
+    }
+    for label, (positions, faces) in meshes.items():
+        yield _crowd(label, binary_ply(positions, faces))
+    clouds = {
+        "points all over a cube": rng.uniform(-1.0, 1.0, (83_000, 3)),
+        "equal points": np.zeros((83_000, 3)),
+        "points on a line": np.linspace(0.0, 1.0, 83_000)[:, None] * [[1.0, 2.0, 3.0]],
+        "clusters in clusters": np.cumprod(rng.uniform(0.0, 0.2, (83_000, 12, 3)), axis=1).sum(axis=1),
+    }
+    for label, positions in clouds.items():
+        yield _crowd(label, binary_ply(positions))
+    digits = "\n".join(" ".join(row) for row in rng.integers(0, 10, (166_000, 3)).astype(str))
+    yield replace(trial("points on a grid, as text", "a.xyz", digits), picture=True)
+
+
+def _crowd(label: str, data: bytes) -> Trial:
+    assert len(data) < MEGABYTE
+    return replace(trial(label, "a.ply", data), picture=True)
+
+
+def binary_ply(positions: np.ndarray, faces: np.ndarray | None = None) -> bytes:
+    """Return a PLY of points (V, 3), and faces (T, 3) if any, in as few bytes as there are."""
+    lines = [f"element vertex {len(positions)}", *(f"property float {axis}" for axis in "xyz")]
+    records = np.zeros(0 if faces is None else len(faces), np.dtype([("corners", "u1"), ("indices", "<u2", 3)]))
+    if faces is not None:
+        lines += [f"element face {len(faces)}", "property list uchar ushort vertex_indices"]
+        records["corners"], records["indices"] = 3, faces
+    return ply_header("binary_little_endian", *lines).encode() + positions.astype("<f4").tobytes() + records.tobytes()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from file_seeds import SKINNED, all_seeds, gltf_scene, picture
 from file_trials import Trial, run_trials
-from hostile_files import far_points, misnamed, names, not_files, obj_files, other_files, ply_files, truncated
+from hostile_files import crowds, far_points, misnamed, names, not_files, obj_files, other_files, ply_files, truncated
 from hostile_scenes import archives, bomb_textures, gltf_files, mf_files, numbers_in, xml_files
 from test_fuzz import report
 
@@ -33,6 +33,7 @@ def corpus(rng) -> dict[str, Iterator[Trial]]:
         "names of several lines, of control characters, of no text": names(),
         "pipes, devices, folders and links": not_files(),
         "sizes from 1e-320 to 1e300": far_points(),
+        "a megabyte of crowds": crowds(),
         "glTF that lies": gltf_files(),
         "images that unpack to gigabytes": bomb_textures(),
         "XML that grows, nests or asks for files": xml_files(seeds),
@@ -45,6 +46,7 @@ def corpus(rng) -> dict[str, Iterator[Trial]]:
 GROUPS = list(corpus(np.random.default_rng(1)))
 # What is read in child processes up to their limits takes a while.
 SLOW = (
+    "a megabyte of crowds",
     "glTF that lies",
     "images that unpack to gigabytes",
     "3MF that refers in circles or unpacks without end",
