@@ -14,6 +14,8 @@ import numba as nb
 import numpy as np
 
 TURNS = 8
+_COSINES = np.cos(0.5 * math.pi * np.arange(TURNS) / TURNS)
+_SINES = np.sin(0.5 * math.pi * np.arange(TURNS) / TURNS)
 # The turn is added to a coordinate of a box, which is at most 1 in absolute value, in steps of this size.
 TURN_STEP = 4.0
 # What the ends are moved out by: float32 holds the last one, with all turns added to it, to half of 1.9e-6.
@@ -22,9 +24,22 @@ ROUNDING = 1e-6
 WHOLE_DISC = (-1.0, 1.0, -1.0, 1.0)
 
 
+@nb.njit(cache=True, nogil=True, fastmath={"nnan", "nsz", "reassoc", "contract"})
+def _ends(points, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Return the ends of float64 points (2, N), relative to (x, y), along the axes (c, s) and (-s, c)."""
+    left = right = c * (points[0, 0] - x) + s * (points[1, 0] - y)
+    low = high = c * (points[1, 0] - y) - s * (points[0, 0] - x)
+    for i in range(points.shape[1]):
+        dx, dy = points[0, i] - x, points[1, i] - y
+        u, v = c * dx + s * dy, c * dy - s * dx
+        left, right = min(left, u), max(right, u)
+        low, high = min(low, v), max(high, v)
+    return left, right, low, high
+
+
 @nb.njit(cache=True, nogil=True)
 def tight_box(points, x, y, radius, box):  # type: ignore[no-untyped-def]
-    """Write the smallest rectangle around float64 points (N, 2) to box, float32 (4,), rounded outwards.
+    """Write the smallest rectangle around float64 points (2, N) to box, float32 (4,), rounded outwards.
 
     x, y, radius : of a circle that holds the points
     box : low and high ends along the turned u axis, low and high ends along the turned v axis, relative to the circle's
@@ -36,15 +51,8 @@ def tight_box(points, x, y, radius, box):  # type: ignore[no-untyped-def]
         return
     smallest = np.inf
     for turn in range(TURNS):
-        angle = 0.5 * math.pi * turn / TURNS
-        c, s = math.cos(angle) / radius, math.sin(angle) / radius
-        left = low = np.inf
-        right = high = -np.inf
-        for i in range(len(points)):
-            dx, dy = points[i, 0] - x, points[i, 1] - y
-            u, v = c * dx + s * dy, c * dy - s * dx
-            left, right = min(left, u), max(right, u)
-            low, high = min(low, v), max(high, v)
+        c, s = _COSINES[turn] / radius, _SINES[turn] / radius
+        left, right, low, high = _ends(points, x, y, c, s)
         area = (right - left) * (high - low)
         if area < smallest:
             smallest = area

@@ -8,8 +8,9 @@ one has no surface below its rim at all: that distance counts as relief, too, an
 everywhere. On Igea, at some 12,500 primitives, the outline grows by 0.17 pixels with this test and by 0.42 with the
 cone of the node alone.
 
-Where very many primitives lie under one disc, as in a fan of a million triangles, whole subtrees are taken for what
-bounds them (coarse_footprints.py): the cone and the relief then are larger than they need be, never smaller.
+A disc's neighbours come from its parent's (near_nodes.py), and a subtree is looked into only where it can widen the
+cone or raise the relief. Where very many primitives lie under one disc, as in a fan of a million triangles, whole
+subtrees are taken for what bounds them. So cone and relief may be larger than they need be, never smaller.
 """
 
 from __future__ import annotations
@@ -19,121 +20,218 @@ import math
 import numba as nb
 import numpy as np
 
-from hierarchy.coarse_footprints import coarse_footprint
-from hierarchy.cones import EVERYTHING, bounding_cap, widened_cosine
+from hierarchy.cones import EVERYTHING, widened_cosine
+from hierarchy.joined_cones import angle_between, cap_holds, join_cone, join_farthest_first
 from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
+from hierarchy.near_nodes import LONGEST, boxes_of_discs, hand_down, nodes_with_leaves, reaches
 from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, approach_rim, rim_of, within
 
-# Nodes and leaves that may be looked at for one footprint: BASE_VISITS and some for each of the node's own leaves, more
-# for those of small nodes. Scans take 240 on average, and 99.9% of their nodes a third of this.
-BASE_VISITS = 1024
-VISITS_PER_LEAF = 6
-VISITS_PER_LEAF_OF_FEW = 24
-FEW = 256
-# Where this was not enough for a node, its children may look at a fraction: it is hardly ever enough for them.
-CROWDED = 0.25
-
-
-@nb.njit(cache=True, nogil=True)
-def _grown(vectors):  # type: ignore[no-untyped-def]
-    """Return a buffer twice as long that begins with the old one."""
-    grown = np.empty((2 * len(vectors), 3), np.float64)
-    grown[: len(vectors)] = vectors
-    return grown
+# Nodes and leaves that are looked at for one footprint before subtrees are taken for what bounds them. Scans take 30 on
+# average.
+MOST_VISITS = 400
+# The same of those that are the node's own, of which on an open surface some may be near the disc's rim.
+MOST_OWN_VISITS = 1600
+# Subtrees that threads work through; what is above them is done first.
+# Subtrees whose spheres are this much smaller than the disc are taken for what bounds them, too. Igea takes 0.2% more
+# primitives than with exact cones, of which half is for this.
+FINE = 0.25
+SUBTREES = 256
+# A path down the tree is at most 74 nodes long (octree.py), and each has at most two children.
+DEEPEST = 160
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _most_visits(leaves, crowded):  # type: ignore[no-untyped-def]
-    """Return how many nodes and leaves may be looked at for a node with so many leaves below it."""
-    visits = BASE_VISITS + VISITS_PER_LEAF * leaves + VISITS_PER_LEAF_OF_FEW * min(leaves, FEW)
-    return int(CROWDED * visits) if crowded else visits
+def _faces_away(inner, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Tell whether all normals below a node face the other way than a disc."""
+    if inner["cone_cos"] == EVERYTHING:
+        return False
+    x, y, z = np.float64(inner["axis_x"]), np.float64(inner["axis_y"]), np.float64(inner["axis_z"])
+    c, s = angle_between(x, y, z, nx, ny, nz)
+    # The nearest angle in the cone is positive and has a cosine below FAR_SIDE.
+    nearest = c * inner["cone_cos"] + s * inner["cone_sin"]
+    return c < 0.0 and nearest < FAR_SIDE - 1e-6
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _highest(inner, normal, thickness, disc):  # type: ignore[no-untyped-def]
+    """Return how far anything below a node can be from a disc's plane: its sphere's, or its own slab's farthest end.
+
+    normal, thickness : of the node's disc
+    """
+    px, py, pz, nx, ny, nz = disc
+    height = abs((inner["x"] - px) * nx + (inner["y"] - py) * ny + (inner["z"] - pz) * nz)
+    x, y, z = np.float64(normal[0]), np.float64(normal[1]), np.float64(normal[2])
+    _, sine = angle_between(x, y, z, nx, ny, nz)
+    # A little more than the normals are off unit length.
+    slab = (inner["radius"] * sine + thickness) * (1.0 + 1e-6)
+    return height + min(np.float64(inner["sphere"]), slab)
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _can_approach(inner, rim, gaps, near):  # type: ignore[no-untyped-def]
+    """Tell whether anything below a node can be nearer to a point of the rim that is not near enough to a surface."""
+    for k in range(len(rim)):
+        if gaps[k] > near:
+            x, y, z = rim[k, 0] - inner["x"], rim[k, 1] - inner["y"], rim[k, 2] - inner["z"]
+            limit = gaps[k] + inner["sphere"]
+            if x * x + y * y + z * z < limit * limit:
+                return True
+    return False
 
 
 @nb.njit(cache=True, nogil=True)
-def _footprint(nodes, node, normal, thickness, shapes, closed, crowded, cap):  # type: ignore[no-untyped-def]
-    """Write the cone of a disc's footprint to cap, float64 (4,); return its relief, or -1 where it has too much."""
+def _take_coarsely(inner, highest, rim, gaps, cap):  # type: ignore[no-untyped-def]
+    """Add what bounds a subtree to a footprint; return its relief."""
+    x, y, z = np.float64(inner["axis_x"]), np.float64(inner["axis_y"]), np.float64(inner["axis_z"])
+    join_cone(cap, x, y, z, np.float64(inner["cone_cos"]), np.float64(inner["cone_sin"]))
+    for k in range(len(rim)):
+        x, y, z = rim[k, 0] - inner["x"], rim[k, 1] - inner["y"], rim[k, 2] - inner["z"]
+        # There is surface in the sphere, and none is farther from its centre than its radius.
+        gaps[k] = min(gaps[k], math.sqrt(x * x + y * y + z * z) + inner["sphere"])
+    return highest
+
+
+@nb.njit(cache=True, nogil=True)
+def _footprint(nodes, node, discs, shapes, closed, entries, count, work, cap):  # type: ignore[no-untyped-def]
+    """Write the cone of a disc's footprint to cap, float64 (4,); return its relief.
+
+    discs : normals and thicknesses of all discs
+    entries, count : what is near the disc
+    work : int32 and float64 arrays to work in
+    """
     positions, indices, normals, centres, extents = shapes
+    disc_normals, thickness = discs
+    stack, vectors = work
     me = nodes[node]
     px, py, pz = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"])
     radius = np.float64(me["radius"])
-    nx, ny, nz = np.float64(normal[0]), np.float64(normal[1]), np.float64(normal[2])
-    relief = np.float64(thickness)
-    vectors = np.empty((3 * (me["leaf_end"] - me["leaf_begin"]) + 32, 3), np.float64)
-    count = 0
+    nx, ny, nz = np.float64(disc_normals[node, 0]), np.float64(disc_normals[node, 1]), np.float64(disc_normals[node, 2])
+    disc = (px, py, pz, nx, ny, nz)
+    relief = np.float64(thickness[node])
+    cap[0], cap[1], cap[2], cap[3] = me["axis_x"], me["axis_y"], me["axis_z"], me["cone_cos"]
+    cap[:3] /= math.sqrt(cap[0] * cap[0] + cap[1] * cap[1] + cap[2] * cap[2])
     rim = rim_of(px, py, pz, radius, nx, ny, nz)
+    near = BORDER * radius
     gaps = np.full(RIM_POINTS, 0.0 if closed else radius)
-    visits_left = _most_visits(me["leaf_end"] - me["leaf_begin"], crowded)
-    # A path down the tree is at most 74 nodes long (octree.py).
-    stack = np.empty(128, np.int32)
-    stack[0] = 0
-    top = 1
+    visits = own_visits = collected = 0
+    for k in range(count):
+        stack[k] = entries[k]
+    top = count
+    if not closed:
+        # Its own leaves are in the cone and the thickness, but they may be near the rim.
+        stack[top] = node
+        top += 1
     while top > 0:
         top -= 1
-        inner = nodes[stack[top]]
-        dx, dy, dz = inner["x"] - px, inner["y"] - py, inner["z"] - pz
-        limit = radius + inner["sphere"]
-        if dx * dx + dy * dy + dz * dz > limit * limit:
-            continue
-        visits_left -= 1
+        entry = stack[top]
+        inner = nodes[entry if entry >= 0 else ~entry]
+        own = me["leaf_begin"] <= inner["leaf_begin"] and inner["leaf_end"] <= me["leaf_end"]
+        if entry >= 0:
+            visits += not own
+            approaches = not closed and _can_approach(inner, rim, gaps, near)
+            if own and (not approaches or own_visits > MOST_OWN_VISITS):
+                continue
+            own_visits += own
+            if not own:
+                if not reaches(inner, px, py, pz, radius) or _faces_away(inner, nx, ny, nz):
+                    continue
+                highest = _highest(inner, disc_normals[entry], thickness[entry], disc)
+                if not approaches and highest <= relief:
+                    x, y, z = np.float64(inner["axis_x"]), np.float64(inner["axis_y"]), np.float64(inner["axis_z"])
+                    if cap_holds(cap, x, y, z, np.float64(inner["cone_cos"]), np.float64(inner["cone_sin"])):
+                        continue
+                if visits > MOST_VISITS or (not approaches and inner["sphere"] <= FINE * radius):
+                    relief = max(relief, _take_coarsely(inner, highest, rim, gaps, cap))
+                    continue
         last = inner["first_child"] + inner["child_count"]
         begin = inner["leaf_begin"]
         for child in range(inner["first_child"], last + 1):
             end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
-            visits_left -= end - begin
+            visits += 0 if own else end - begin
+            own_visits += end - begin if own else 0
             for leaf in range(begin, end):
-                mine = me["leaf_begin"] <= leaf < me["leaf_end"]
-                if not mine and not within(positions, indices, centres, extents, leaf, px, py, pz, radius):
-                    continue
-                x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
-                if not mine:
+                if not own:
+                    x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
+                    dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
+                    height = abs(dx * nx + dy * ny + dz * nz)
+                    # Not of unit length to the last bit: what is all but on the cap's rim is measured below.
+                    inside = cap[0] * x + cap[1] * y + cap[2] * z >= cap[3] + 1e-6
+                    if closed and inside and height <= relief:
+                        continue
                     if x * nx + y * ny + z * nz < FAR_SIDE:
                         continue
-                    dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
-                    relief = max(relief, abs(dx * nx + dy * ny + dz * nz))
+                    if not within(positions, indices, centres, extents, leaf, px, py, pz, radius):
+                        continue
+                    relief = max(relief, height)
+                    norm = math.sqrt(x * x + y * y + z * z)
+                    x, y, z = x / norm, y / norm, z / norm
+                    if not inside and cap[0] * x + cap[1] * y + cap[2] * z < cap[3]:
+                        if collected == len(vectors):
+                            join_farthest_first(cap, vectors)
+                            collected = 0
+                        vectors[collected, 0], vectors[collected, 1], vectors[collected, 2] = x, y, z
+                        collected += 1
                 if not closed:
                     approach_rim(centres, extents, leaf, rim, gaps)
-                if count == len(vectors):
-                    vectors = _grown(vectors)
-                norm = math.sqrt(x * x + y * y + z * z)
-                vectors[count, 0], vectors[count, 1], vectors[count, 2] = x / norm, y / norm, z / norm
-                count += 1
             if child < last:
                 begin = nodes[child]["leaf_end"]
-                stack[top] = child
-                top += 1
-        if visits_left < 0:
-            return -1.0
-    bounding_cap(vectors[:count], cap)
+                if entry >= 0:
+                    stack[top] = child
+                    top += 1
+    join_farthest_first(cap, vectors[:collected])
     overhang = gaps.max()
-    if overhang > BORDER * radius:
+    if overhang > near:
         cap[3] = EVERYTHING
         relief = max(relief, overhang)
     return relief
 
 
 @nb.njit(cache=True, nogil=True)
-def _bounded_footprint(nodes, node, normal, thickness, shapes, closed, crowded, cap):  # type: ignore[no-untyped-def]
-    """Write the footprint's cone to cap and return its relief, or bounds of both; mark the children as crowded then."""
-    relief = _footprint(nodes, node, normal, thickness, shapes, closed, crowded[node], cap)
-    if relief >= 0.0:
-        return relief
-    me = nodes[node]
-    crowded[me["first_child"] : me["first_child"] + me["child_count"]] = True
-    px, py, pz = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"])
-    nx, ny, nz = np.float64(normal[0]), np.float64(normal[1]), np.float64(normal[2])
-    rim = rim_of(px, py, pz, np.float64(me["radius"]), nx, ny, nz)
-    return coarse_footprint(nodes, node, normal, thickness, shapes, rim, closed, cap)
+def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most, caps, reliefs):  # type: ignore[no-untyped-def]
+    """Measure the footprints of a node and of all below it, down to what has at most `most` leaves, which is left out.
+
+    families : what `hand_down` needs to know of all nodes; near_root : int32, what is near the root's disc
+    caps, reliefs : float64 (M, 4) and float32 (M,), written to
+    Returns the nodes that are left out, each with what is near it.
+    """
+    work = (np.empty(LONGEST + DEEPEST, np.int32), np.empty((MOST_VISITS, 3), np.float64))
+    # Lists of the nodes on the stack, one after the other.
+    pool = np.empty((DEEPEST, LONGEST), np.int32)
+    counts = np.empty(DEEPEST, np.int32)
+    stack = np.empty(DEEPEST, np.int32)
+    left_out = [(np.int32(0), np.empty(0, np.int32)) for _ in range(0)]
+    stack[0] = root
+    pool[0, : len(near_root)] = near_root
+    counts[0] = len(near_root)
+    top = 1
+    entries = np.empty(LONGEST, np.int32)
+    while top > 0:
+        top -= 1
+        node, count = stack[top], counts[top]
+        entries[:count] = pool[top, :count]
+        me = nodes[node]
+        if me["leaf_end"] - me["leaf_begin"] <= most:
+            left_out.append((node, entries[:count].copy()))
+            continue
+        reliefs[node] = _footprint(nodes, node, discs, shapes, closed, entries, count, work, caps[node])
+        caps[node, 3] = widened_cosine(caps[node, 3])
+        for child in range(me["first_child"], me["first_child"] + me["child_count"]):
+            counts[top] = hand_down(nodes, families, shapes, node, child, entries, count, pool[top])
+            stack[top] = child
+            top += 1
+    return left_out
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _write_footprints(nodes, first, last, normals, thickness, shapes, closed, crowded, caps, reliefs):  # type: ignore[no-untyped-def]
-    """Write caps, float64 (M, 4), and reliefs, float32 (M,), of the nodes [first, last)."""
-    for node in nb.prange(first, last):
-        reliefs[node] = _bounded_footprint(
-            nodes, node, normals[node], thickness[node], shapes, closed, crowded, caps[node]
-        )
-        caps[node, 3] = widened_cosine(caps[node, 3])
+def _measure(nodes, discs, shapes, closed, caps, reliefs):  # type: ignore[no-untyped-def]
+    families = nodes_with_leaves(nodes), boxes_of_discs(nodes)
+    nothing = np.empty(0, np.int32)
+    most = nodes[0]["leaf_end"] // SUBTREES
+    subtrees = _measure_below(nodes, families, 0, nothing, discs, shapes, closed, most, caps, reliefs)
+    for k in nb.prange(len(subtrees)):
+        root, near_root = subtrees[k]
+        _measure_below(nodes, families, root, near_root, discs, shapes, closed, 0, caps, reliefs)
 
 
 def disc_footprints(
@@ -141,7 +239,7 @@ def disc_footprints(
 ) -> tuple[Float32Array, Float32Array, Float32Array]:
     """Measure the footprint of every node's disc.
 
-    nodes : NODE (M,), with topology, discs and spheres filled in
+    nodes : NODE (M,), with topology, normal cones, discs and spheres filled in
     disc_normals : float32 (M, 3), unit
     thickness : float32 (M,), largest distance of the primitives below a node from its disc's plane
     closed : the surface has no borders to look for
@@ -151,12 +249,6 @@ def disc_footprints(
     """
     s = shapes
     arrays = (s.positions, s.indices, s.normals, s.centres, s.extents)
-    caps, reliefs = np.zeros((len(nodes), 4)), np.zeros(len(nodes), np.float32)
-    crowded = np.zeros(len(nodes), np.bool_)
-    thickness = np.ascontiguousarray(thickness)
-    first, last = 0, 1
-    # Level by level, as a node's children are marked before they are looked at.
-    while first < last:
-        _write_footprints(nodes, first, last, disc_normals, thickness, arrays, closed, crowded, caps, reliefs)
-        first, last = last, int(nodes["first_child"][last - 1] + nodes["child_count"][last - 1])
+    caps, reliefs = np.empty((len(nodes), 4)), np.empty(len(nodes), np.float32)
+    _measure(nodes, (disc_normals, np.ascontiguousarray(thickness)), arrays, closed, caps, reliefs)
     return caps[:, :3].astype(np.float32), caps[:, 3].astype(np.float32), reliefs

@@ -13,6 +13,8 @@ from hierarchy.frames import tangents
 FAR_SIDE = -0.5
 # Points of the rim that are looked at for borders: one each 45 degrees misses a corner of 8% of the radius.
 RIM_POINTS = 8
+_COSINES = np.cos(2.0 * math.pi / RIM_POINTS * np.arange(RIM_POINTS))
+_SINES = np.sin(2.0 * math.pi / RIM_POINTS * np.arange(RIM_POINTS))
 # A rim farther from all surface than this share of the radius overhangs a border.
 BORDER = 0.15
 
@@ -42,8 +44,7 @@ def rim_of(x, y, z, radius, nx, ny, nz):  # type: ignore[no-untyped-def]
     ux, uy, uz, vx, vy, vz = tangents(nx, ny, nz)
     rim = np.empty((RIM_POINTS, 3), np.float64)
     for k in range(RIM_POINTS):
-        angle = 2.0 * math.pi / RIM_POINTS * k
-        c, s = radius * math.cos(angle), radius * math.sin(angle)
+        c, s = radius * _COSINES[k], radius * _SINES[k]
         rim[k, 0], rim[k, 1], rim[k, 2] = x + c * ux + s * vx, y + c * uy + s * vy, z + c * uz + s * vz
     return rim
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from hierarchy import clean
 from hierarchy.clean import clean_faces, clean_points, counted, has_area, place
 from hierarchy.part import UnreadableFile
 
@@ -67,3 +68,12 @@ def test_area_at_any_scale(scale):
     positions = (np.array(corners) * scale).astype(np.float32)
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 5, 1], [0, 0, 1]], np.int32)
     assert has_area(positions, faces).tolist() == [True, False, True, False, False]
+
+
+def test_models_too_large_to_count_are_refused(monkeypatch):
+    monkeypatch.setattr(clean, "MOST_FACES", 1)
+    monkeypatch.setattr(clean, "MOST_POINTS", 2)
+    with pytest.raises(UnreadableFile, match="too large: 2 faces"):
+        clean_faces(np.zeros((3, 3)), np.array([[0, 1, 2], [0, 2, 1]]), 0, [])
+    with pytest.raises(UnreadableFile, match="too large: 3 points"):
+        clean_points(np.zeros((3, 3)), [])

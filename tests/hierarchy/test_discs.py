@@ -25,7 +25,7 @@ RIM = np.linspace(0.0, 2.0 * math.pi, 64, endpoint=False)
 
 def circle_of(points):
     circle = np.empty(3)
-    enclosing_circle(np.ascontiguousarray(points, np.float64), circle)
+    enclosing_circle(np.ascontiguousarray(points.T, np.float64), circle)
     return circle[:2], math.sqrt(circle[2])
 
 
@@ -257,7 +257,7 @@ def test_a_box_is_turned_to_where_it_is_smallest():
     along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     points = np.array([a * 0.9 * along + b * 0.1 * across for a in (-1, 1) for b in (-1, 1)])
     box = np.empty(4)
-    tight_box(points, 0.0, 0.0, 1.0, box)
+    tight_box(np.ascontiguousarray(points.T), 0.0, 0.0, 1.0, box)
     assert np.rint(box[3] / TURN_STEP) in (1, 2)
     _, (left, right, low, high), _ = in_box(points, box)
     assert (right - left) * (high - low) < 1.05 * (1.8 * np.cos(0.5 * 0.5 * np.pi / TURNS) + 0.05) * 0.4
@@ -265,5 +265,5 @@ def test_a_box_is_turned_to_where_it_is_smallest():
 
 def test_the_box_of_a_point_is_the_whole_disc():
     box = np.empty(4)
-    tight_box(np.zeros((3, 2)), 0.0, 0.0, 0.0, box)
+    tight_box(np.zeros((2, 3)), 0.0, 0.0, 0.0, box)
     assert tuple(box) == WHOLE_DISC

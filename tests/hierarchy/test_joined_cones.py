@@ -1,0 +1,55 @@
+"""Joined cones hold what they are joined of."""
+
+import numpy as np
+import pytest
+
+from hierarchy.cones import EVERYTHING, bounding_cap
+from hierarchy.joined_cones import cap_holds, join_cone, join_farthest_first
+
+
+def test_a_joined_cone_holds_both():
+    rng = np.random.default_rng(5)
+    for _ in range(300):
+        axes = rng.normal(size=(2, 3))
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        halves = rng.uniform(0.0, 0.7, 2)
+        cap = np.array([*axes[0], np.cos(halves[0])])
+        join_cone(cap, *(2.0 * axes[1]), np.cos(halves[1]), np.sin(halves[1]))
+        if cap[3] == EVERYTHING:
+            between = np.arccos(np.clip(axes[0] @ axes[1], -1.0, 1.0))
+            assert between + halves.sum() >= np.pi - 1e-6
+            continue
+        assert np.linalg.norm(cap[:3]) == pytest.approx(1.0)
+        for axis, half in zip(axes, halves, strict=True):
+            assert np.arccos(np.clip(cap[:3] @ axis, -1.0, 1.0)) + half <= np.arccos(cap[3]) + 1e-7
+
+
+def test_a_cap_holds_itself_and_not_what_lies_opposite():
+    cap = np.array([0.0, 0.0, 1.0, np.cos(0.5)])
+    assert cap_holds(cap, 0.0, 0.0, 1.0, np.cos(0.5), np.sin(0.5))
+    assert cap_holds(cap, np.sin(0.2), 0.0, np.cos(0.2), np.cos(0.3), np.sin(0.3))
+    assert not cap_holds(cap, np.sin(0.2), 0.0, np.cos(0.2), np.cos(0.31), np.sin(0.31))
+    # 180 degrees and 90 more: as far as 90 on the other side.
+    assert not cap_holds(np.array([0.0, 0.0, 1.0, 0.0]), 0.0, 0.0, -1.0, 0.0, 1.0)
+    assert not cap_holds(cap, 0.0, 0.0, 1.0, EVERYTHING, 0.0)
+    assert cap_holds(np.array([0.0, 0.0, 1.0, EVERYTHING]), 0.0, 0.0, -1.0, 0.0, 1.0)
+
+
+def test_farthest_first_is_hardly_wider_than_the_smallest():
+    rng = np.random.default_rng(6)
+    ratios = []
+    for _ in range(300):
+        spread = rng.uniform(0.01, 0.5)
+        vectors = [0.0, 0.0, 1.0] + spread * rng.normal(size=(rng.integers(2, 60), 3))
+        vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+        few, smallest = np.empty(4), np.empty(4)
+        bounding_cap(vectors[:2].copy(), few)
+        bounding_cap(vectors, smallest)
+        join_farthest_first(few, vectors)
+        if smallest[3] < np.cos(1.2):
+            continue
+        assert (vectors @ few[:3]).min() >= few[3] - 1e-12
+        ratios.append(np.arccos(few[3]) / np.arccos(smallest[3]))
+    assert len(ratios) > 200
+    assert np.mean(ratios) < 1.06
+    assert max(ratios) < 1.25
