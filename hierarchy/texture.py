@@ -6,6 +6,7 @@ until an edge spans only a few.
 
 from __future__ import annotations
 
+import logging
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -58,6 +59,8 @@ def read_texture(path: Path, most: int = MOST_TEXELS) -> UInt8Array:
     """Read an image file of at most `most` texels as uint8 (H, W, 4) straight RGBA. Raises UnreadableFile."""
     from PIL import Image
 
+    # What Pillow thinks of an image goes to the standard error where nobody else listens.
+    logging.getLogger("PIL").addHandler(logging.NullHandler())
     name = path.name
     # Reading a pipe would wait for somebody to write, and a device may never end.
     if path.exists() and not path.is_file():

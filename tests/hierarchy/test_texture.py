@@ -1,7 +1,10 @@
 import os
 import struct
+import subprocess
+import sys
 import time
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -124,6 +127,23 @@ def test_a_damaged_tiff_has_nothing_to_say_on_the_standard_error(tmp_path, capfd
             pass
     os.write(2, b"afterwards it is heard again\n")
     assert capfd.readouterr().err == "afterwards it is heard again\n"
+
+
+def test_a_tiff_of_thousands_of_samples_a_texel_has_nothing_to_log(tmp_path):
+    """Pillow says by `logging` what it thinks of it, which without a handler goes to the standard error."""
+    Image.new("RGB", (6, 6)).save(tmp_path / "a.tif")
+    data = bytearray((tmp_path / "a.tif").read_bytes())
+    # SamplesPerPixel: a tag, a type and a count, then the number.
+    at = data.index(struct.pack("<HHI", 277, 3, 1))
+    data[at + 8 : at + 10] = struct.pack("<H", 13_360)
+    (tmp_path / "a.tif").write_bytes(data)
+    program = "from pathlib import Path\nfrom hierarchy.texture import read_texture\nread_texture(Path('a.tif'))"
+    path = str(Path(__file__).parents[2])
+    ended = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True
+    )
+    assert b"is no readable image" in ended.stderr
+    assert b"samples" not in ended.stderr
 
 
 def test_an_image_of_no_texel(tmp_path):
