@@ -22,6 +22,8 @@ from renderer.splat_passes import SMALLEST
 
 Amount = Callable[[int, int], int]
 
+# Half the width in pixels below which corners that lie on a grid of 1/256 pixel hardly make a triangle.
+SLIVER = 1.0 / 128.0
 # One disc a cell of the picture, so that none hides another.
 CELL, SIDE = 32, 8
 SIZE = CELL * SIDE
@@ -100,14 +102,17 @@ def project(view: View, discs: Discs, index: np.ndarray, at: np.ndarray) -> tupl
 @dataclass(frozen=True, eq=False)
 class Measured:
     """missed, extra : pixels that must be covered and are not, and the other way round
-    pixels, depth : the largest distance of a disc point, projected, from its pixel's centre, and the largest error of
-        its depth in radii of the disc
+    pixels, slivers : the largest distance of a disc point, projected, from its pixel's centre; of discs that are seen
+        so close to edge-on that they are thinner than `SLIVER`, apart
+    depth, sliver_depth : the largest error of a disc point's depth in radii of the disc, and that of those
     """
 
     missed: int
     extra: int
     pixels: float
+    slivers: float
     depth: float
+    sliver_depth: float
 
 
 def measure(view: View, discs: Discs, found: np.ndarray, reach: int = CELL) -> Measured:
@@ -133,19 +138,36 @@ def measure(view: View, discs: Discs, found: np.ndarray, reach: int = CELL) -> M
     index = np.rint(found[drawn][:, 3]).astype(int) - 1
     pixels, depth = project(view, discs, index, found[drawn][:, :2].astype(np.float64))
     distance = np.linalg.norm(pixels - np.stack([columns, rows], axis=1) - 0.5, axis=1)
+    thin = half_widths(view, discs)[index] < SLIVER
     behind = np.abs(found[drawn][:, 2] - depth) / discs.radii[index]
     extra = drawn & ~may
     extra[rows, columns] &= distance > SHIFT * math.sqrt(2.0)
     return Measured(
-        int((must & ~drawn).sum()), int(extra.sum()), float(distance.max(initial=0.0)), float(behind.max(initial=0.0))
+        int((must & ~drawn).sum()),
+        int(extra.sum()),
+        float(distance[~thin].max(initial=0.0)),
+        float(distance[thin].max(initial=0.0)),
+        float(behind[~thin].max(initial=0.0)),
+        float(behind[thin].max(initial=0.0)),
     )
+
+
+def half_widths(view: View, discs: Discs) -> np.ndarray:
+    """Return half of how wide discs are on the screen where they are thinnest, in pixels, at their centres' depth."""
+    rotation, translation = view.eye_from_model[:3, :3], view.eye_from_model[:3, 3]
+    centres = discs.centres @ rotation.T + translation
+    planes = (discs.normals if discs.planes is None else discs.planes) @ rotation.T
+    sight = np.broadcast_to([0.0, 0.0, 1.0], centres.shape) if view.is_parallel else centres
+    cosines = np.abs(np.einsum("ij,ij->i", planes, sight)) / np.linalg.norm(sight, axis=1)
+    widths: np.ndarray = cosines * discs.radii * view.pixels_of_unit(-centres[:, 2])
+    return widths
 
 
 @KINDS
 def test_discs_of_every_tilt(
     ctx: moderngl.Context, renderer: Renderer, ledger: Ledger, amount: Amount, rng: np.random.Generator, kind: str
 ) -> None:
-    worst, cases = Measured(0, 0, 0.0, 0.0), 0
+    worst, cases = Measured(0, 0, 0.0, 0.0, 0.0, 0.0), 0
     for turn in range(amount(3, 90)):
         view = random_view(rng, ANGLES[turn % len(ANGLES)], turn % 4 == 3)
         count = SIDE * SIDE
@@ -169,8 +191,11 @@ def test_discs_of_every_tilt(
     record("pixels that a disc covers", worst.missed + worst.extra, 0, "pixels")
     # A step of that grid for the corners, and one for slivers that are hardly wider.
     record("disc point of a pixel, seen on the screen", worst.pixels, 2.0 * SHIFT, "pixels")
-    # Slopes of interpolation are good to 2^-22 or so, and a sliver's, 1/256 pixel wide, rise by 512 a pixel over 24
-    # pixels: 0.003. A sprite's depth, and any, is a float32 number, at a radius of a pixel and 1 degree 1e-4 of it.
+    # Of a triangle that is hardly wider than the grid interpolation loses more along it: far less than what a texel is.
+    record("the same of slivers below 1/128 pixel", worst.slivers, 0.125, "pixels")
+    record("depth of a sliver's pixel", worst.sliver_depth, 1.0 / 32.0, "radii")
+    # Slopes of interpolation are good to 2^-22 or so, and those of what is 1/64 pixel wide rise by 128 a pixel over 24
+    # pixels: 0.001. A sprite's depth, and any, is a float32 number, at a radius of a pixel and 1 degree 1e-4 of it.
     record("depth of a disc's pixel", worst.depth, 1.0 / 128.0, "radii")
 
 
