@@ -1,7 +1,7 @@
 """The command `surfelscope`: hands the work on and turns errors into one line and an exit status.
 
 0: done; 1: `bench --compare` found something slower or worse; 2: something the user has to change, said in one line
-on standard error; 130: interrupted.
+on standard error; 70: a defect of the program, in one line, too; 130: interrupted.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from app.kernels import keep_kernels_apart
 
     keep_kernels_apart()
-    from app.errors import EXIT_ERROR, GraphicsError, OutputError, UsageError, WindowError
+    from app.errors import EXIT_DEFECT, EXIT_ERROR, GraphicsError, OutputError, UsageError, WindowError, unforeseen
     from app.options import BENCH, parse_options
     from hierarchy.model import ModelError
     from renderer.context import ContextError
 
+    line = sys.argv[1:] if arguments is None else arguments
     try:
         status = 0
-        line = sys.argv[1:] if arguments is None else arguments
         if line and line[0] == BENCH:
             # The benchmarks read a command line of their own, and need more than the viewer.
             from benchmarks.command import run_bench
@@ -51,6 +51,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Whoever read the output has gone. Spare the interpreter a second attempt at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_ERROR
+    except Exception as error:
+        if "--verbose" in line:
+            import traceback
+
+            traceback.print_exc()
+        print(f"surfelscope: {unforeseen(error)} (--verbose shows where)", file=sys.stderr)
+        return EXIT_DEFECT
     return status
 
 

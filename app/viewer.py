@@ -10,7 +10,7 @@ from pathlib import Path
 from app.background import BackgroundTask
 from app.cache import Cache
 from app.commands import Command
-from app.errors import GraphicsError
+from app.errors import GraphicsError, unforeseen
 from app.framing import Pose, frame_scene, view_of_pose
 from app.keeper import Keeper
 from app.options import CameraOptions, Options
@@ -176,7 +176,7 @@ class Viewer:
         except BaseException as error:
             # The window has to outlive whatever a reader of files stumbles over; one in Rust panics with an exception
             # that is none to Python. Neither an interrupt nor the window's end come this way.
-            self.state.say(f"{type(error).__name__}: {error}", is_error=True)
+            self.state.say(unforeseen(error), is_error=True)
             self._forget_wish()
         else:
             self.state.dismiss_error()

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app import cli
+
 ROOT = Path(__file__).parents[2]
 SIZE = (96, 64)
 
@@ -234,6 +236,19 @@ def test_full_disk_is_one_line_and_status_2(torus):
     assert status == 2
     assert len(complaints.splitlines()) == 1
     assert "full.png" in complaints
+
+
+@pytest.mark.parametrize("options", [[], ["--verbose"]])
+def test_defect_is_one_line_with_a_status_of_its_own(options, monkeypatch, capsys):
+    def fail(_):
+        raise ZeroDivisionError("by\nzero")
+
+    monkeypatch.setattr("app.info_command.run_info", fail)
+    assert cli.main(["info", *options]) == 70
+    complaints = capsys.readouterr().err
+    assert "please report it: ZeroDivisionError: by zero (--verbose shows where)" in complaints.splitlines()[-1]
+    assert ("Traceback" in complaints) == bool(options)
+    assert bool(options) or complaints.count("\n") == 1
 
 
 def test_interrupt_is_quiet():
