@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -146,3 +150,21 @@ def test_the_border_of_a_fan_takes_time_in_proportion_to_its_edges(rng):
     spent(50)
     # Quadratic work would take 64 times as long.
     assert spent(160_000) < 24.0 * max(spent(20_000), 0.01)
+
+
+def test_twenty_million_leaves_in_one_cell(ledger, amount):
+    """The cell between two outliers that are a billion times farther apart; in a process whose memory is its own."""
+    count = amount(50_000, 20_000_000)
+    child = Path(__file__).with_name("bulk_child.py")
+    ended = subprocess.run([sys.executable, child, str(count)], check=True, capture_output=True, text=True, timeout=500)
+    said = json.loads(ended.stdout)
+    assert said["finite"]
+    assert count <= said["leaves"] <= count + 2
+    assert 0.3 * count < said["nodes"] < 0.5 * count
+    if count < 1_000_000:
+        # Threads and compiled kernels take more than that.
+        return
+    ledger.record(
+        "scenes", "bulk: twenty million in one Morton cell", "built; memory at the peak beyond the model's", cases=1,
+        worst=said["bytes"] / said["leaves"], bound=300.0, unit="bytes a leaf",
+    )  # fmt: skip
