@@ -25,7 +25,7 @@ class Follower:
     """Keeps the detail that an error goal needs. Times are seconds of the caller's clock.
 
     detail, promise : what is drawn with at rest and the bounds of its error, None: nothing has been followed
-    texels : along one side of the tiles that shall be baked, 0: not chosen
+    texels : along one side of the tiles to draw with, 0: not chosen
     """
 
     def __init__(self) -> None:
@@ -70,23 +70,17 @@ class Follower:
             self._find(goal, scene, view(), rests)
         self._goal, self._followed, self._at_rest, self._time = goal, followed, rests, now
 
-    def keep(self, texels: int) -> None:
-        """Wish for no other tiles than these before something changes."""
-        self.texels, self._at_rest = texels, True
-
     def _find(self, goal: Goal, scene: Scene, view: View, rests: bool) -> None:
         from hierarchy.goals import ErrorGoal, detail_for_goal
 
         def find(*texels: int) -> tuple[Detail, Promise]:
             return detail_for_goal(scene.hierarchy, view, ErrorGoal(*goal), texels=texels)
 
-        baked = scene.tiles.texels if scene.tiles is not None else 0
-        present = self.texels or baked
+        present = self.texels
         if rests or not present:
-            # Stay with the present tiles unless others are much better, or every other view would bake.
+            # Stay with the present tiles unless others are much better, or every other view would bake all anew.
             best = find(*TEXELS)[0]
             if not present or best.r_inner > WORTH_BAKING * find(present)[0].r_inner:
                 present = best.texels
         self.texels = present
-        # Until other tiles have been baked the present ones have to do.
-        self.detail, self.promise = find(baked or present)
+        self.detail, self.promise = find(present)

@@ -227,8 +227,8 @@ def _statistics(state: ViewerState, scene: Scene | None, gpu_bytes: int, scale: 
         _row("Splats, leaf triangles", f"{last.splats:,}, {last.triangles:,}")
         _row("On the silhouette, nodes visited", f"{last.silhouette:,}, {last.visited:,}")
     if scene is not None:
-        tiles = scene.tiles.nbytes if scene.tiles is not None else 0
-        _row("Hierarchy, tiles", f"{scene.hierarchy.nbytes / 1e6:,.1f} MB, {tiles / 1e6:,.1f} MB")
+        missing = state.history[-1].missing if state.history else 0
+        _row("Hierarchy, tiles to bake", f"{scene.hierarchy.nbytes / 1e6:,.1f} MB, {missing:,}")
     peak = peak_memory_mb()
     _row("GPU, process", f"{gpu_bytes / 1e6:,.1f} MB" + (f", {peak:,.0f} MB" if peak is not None else ""))
 

@@ -22,6 +22,8 @@ class FrameReport:
 
     milliseconds : one number for each of STAGES
     total : milliseconds from the start of the selection until the GPU had finished
+    missing : splats whose tiles had not been baked yet
+    texels : along one side of the tiles that it was drawn with, 0: none
     """
 
     splats: int
@@ -30,6 +32,8 @@ class FrameReport:
     visited: int
     milliseconds: tuple[float, float, float, float]
     total: float
+    missing: int = 0
+    texels: int = 0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from app.budget import Budget, coarsened
 from app.follower import Follower
 from app.orbit_camera import OrbitCamera
 from app.scene import Scene
-from app.state import Steered, ViewerState
+from app.state import FrameReport, Steered, ViewerState
 from hierarchy.view import View
 
 # A camera, a model and goals that have been the same for so long (seconds) rest.
@@ -22,7 +22,7 @@ class Steering:
     """Turns what the user allows into the radii of the next frame. Times are seconds of the caller's clock.
 
     r_sil, r_inner : pixels, of the next frame
-    texels : along one side of the tiles that shall be baked, 0: none
+    texels : along one side of the tiles to draw with, 0: none
     """
 
     def __init__(self) -> None:
@@ -32,6 +32,8 @@ class Steering:
         self._follower = Follower()
         self._situation: tuple[Scene | None, OrbitCamera | None, object] = (None, None, None)
         self._changed = -math.inf
+        # Texels of the tiles that all splats of the last frame had, 0: not all had any.
+        self._tiled = 0
         # What the last frame was drawn of.
         self._drawn: tuple[object, ...] = ()
 
@@ -60,22 +62,18 @@ class Steering:
         self._budget.update(moved=moved, rests=rests)
         self._publish(state)
 
-    def drawn(self, state: ViewerState, milliseconds: float, now: float) -> None:
-        """Take in that a frame has been drawn with the radii, and how long it took."""
+    def drawn(self, state: ViewerState, report: FrameReport, now: float) -> None:
+        """Take in that a frame has been drawn with the radii, and what it took."""
+        self._tiled = 0 if report.missing else report.texels
         scene, camera, size = self._situation
         drawn = (camera, scene, size, state.settings, state.printed_cone_test)
         measured = camera is not self._drawn[0] and drawn[1:] == self._drawn[1:] if self._drawn else False
         self._drawn = drawn
-        self._budget.drawn(milliseconds, measured=measured)
+        self._budget.drawn(report.total, measured=measured)
         if not self._budget.rests:
             # What moves cannot come to rest before it has been seen.
             self._changed = now
         self._publish(state)
-
-    def keep(self, texels: int) -> None:
-        """Wish for no other tiles than these before something changes."""
-        self.texels = texels
-        self._follower.keep(texels)
 
     def _publish(self, state: ViewerState) -> None:
         detail, promise = self._follower.detail, self._follower.promise
@@ -84,7 +82,6 @@ class Steering:
         self.r_sil = coarsened(r_sil, self._budget.coarseness)
         self.r_inner = coarsened(r_inner, self._budget.coarseness)
         # What is promised counts on the tiles.
-        scene, tiled = self._situation[0], state.settings.normal_mapping
-        holds = promise is not None and scene is not None and scene.tiles is not None and tiled
+        holds = promise is not None and state.settings.normal_mapping and self._tiled == self.texels
         bounds = (promise.degrees, promise.pixels) if promise is not None and holds else None
         state.steered = Steered(r_sil, r_inner, self.texels, bounds, self._budget.controller.coarseness)

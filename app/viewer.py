@@ -15,7 +15,7 @@ from app.framing import Pose, frame_scene, view_of_pose
 from app.keeper import Keeper
 from app.options import CameraOptions, Options
 from app.orbit_camera import OrbitCamera, orbit_from_pose
-from app.scene import ModelSource, Scene, bake_scene, open_scene
+from app.scene import ModelSource, Scene, open_scene
 from app.state import FrameReport, ViewerState
 from app.steering import Steering
 from hierarchy.model import Cancelled, ModelError, Progress, in_file_space
@@ -66,8 +66,6 @@ class Viewer:
         self._texture = options.texture
         # What the command line fixed of the camera holds for its own model, not for those opened later.
         self._camera_options = options.camera
-        self._opens = False
-        self._baking = 0
         self._cache = cache
         self._keeper = None if cache is None else Keeper(cache)
         # What goes into the cache once it has been drawn: the first picture comes first.
@@ -80,7 +78,14 @@ class Viewer:
 
     def open(self, source: ModelSource) -> None:
         """Load and build another model in the background; the one that is open stays until then."""
-        self._start(lambda progress: _open_ready_to_select(source, progress, self._cache), opens=True)
+        running = self.task
+        if running is not None:
+            running.cancel()
+
+        def work(progress: Progress) -> Scene:
+            return _open_ready_to_select(source, progress, self._cache)
+
+        self.task = BackgroundTask(work, self._wake, after=running)
 
     def poll(self, resolution: tuple[int, int]) -> None:
         """Take over what the background has finished, and start what has to be done next."""
@@ -91,12 +96,11 @@ class Viewer:
         if self.scene is not None and self.camera is not None:
             now = time.monotonic()
             self.steering.update(self.state, self.scene, self.camera, resolution, lambda: self.view(resolution), now)
-            self._bake_if_needed(self.scene, self.steering.texels)
 
     def drawn(self, report: FrameReport) -> None:
         """Take in what the last frame took."""
         self.state.history.append(report)
-        self.steering.drawn(self.state, report.total, time.monotonic())
+        self.steering.drawn(self.state, report, time.monotonic())
         if self._unkept is not None and self._keeper is not None:
             self._keeper.keep(self._unkept)
         self._unkept = None
@@ -153,58 +157,30 @@ class Viewer:
             parallel_scale=camera.parallel_scale,
         )
 
-    def _start(self, work: Callable[[Progress], Scene], *, opens: bool) -> None:
-        running = self.task
-        if running is not None:
-            running.cancel()
-        self._opens = opens
-        self.task = BackgroundTask(work, self._wake, after=running)
-
     def _take(self, task: BackgroundTask[Scene], resolution: tuple[int, int]) -> None:
         try:
             scene = task.result()
             self._upload(scene)
         except Cancelled:
             self.state.say("Cancelled")
-            self._forget_wish()
         except (ModelError, GraphicsError) as error:
             self.state.say(str(error), is_error=True)
-            self._forget_wish()
         except MemoryError:
             self.state.say("There is not enough memory for this", is_error=True)
-            self._forget_wish()
         except BaseException as error:
             # The window has to outlive whatever a reader of files stumbles over; one in Rust panics with an exception
             # that is none to Python. Neither an interrupt nor the window's end come this way.
             self.state.say(unforeseen(error), is_error=True)
-            self._forget_wish()
         else:
             self.state.dismiss_error()
-            if self._opens:
-                self.state.history.clear()
-                self.steering = Steering()
-                self._frame(scene, resolution)
-                # The inside of an open surface shows; a closed one's does not.
-                self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
-                for warning in scene.hierarchy.warnings:
-                    self.state.say(warning)
+            self.state.history.clear()
+            self.steering = Steering()
+            self._frame(scene, resolution)
+            # The inside of an open surface shows; a closed one's does not.
+            self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
+            for warning in scene.hierarchy.warnings:
+                self.state.say(warning)
             self.scene = self._unkept = scene
-
-    def _forget_wish(self) -> None:
-        """Do not start again what has just been cancelled or has failed: keep the tiles that there are."""
-        if not self._opens and self.scene is not None:
-            texels = self.scene.tiles.texels if self.scene.tiles else 0
-            if not self.state.limit_error:
-                self.state.texels = texels
-            self.steering.keep(texels)
-
-    def _bake_if_needed(self, scene: Scene, wanted: int) -> None:
-        if wanted == 0 or (self.task is not None and self._opens):
-            return
-        baking = self._baking if self.task is not None else scene.tiles.texels if scene.tiles else 0
-        if baking != wanted:
-            self._baking = wanted
-            self._start(lambda progress: bake_scene(scene, wanted, progress, cache=self._cache), opens=False)
 
     def _frame(self, scene: Scene, resolution: tuple[int, int]) -> None:
         options, self._camera_options = self._camera_options, CameraOptions()

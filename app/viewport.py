@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import replace
 
 import moderngl
@@ -14,6 +14,7 @@ from app.errors import graphics_errors
 from app.export import read_picture
 from app.scene import Scene
 from app.state import STAGES, FrameReport
+from app.tiling import Tiling
 from app.viewer import Viewer
 from hierarchy.inside import eye_is_inside
 from hierarchy.lod import select_cut
@@ -29,13 +30,15 @@ class Viewport:
     size : width and height of the picture in pixels
     """
 
-    def __init__(self, ctx: moderngl.Context, tile_bytes: int | None = None) -> None:
+    def __init__(self, ctx: moderngl.Context, wake: Callable[[], None], tile_bytes: int | None = None) -> None:
         """Start without a model.
 
+        wake : called from the background when there is more to draw
         tile_bytes : most memory that the normal tiles may take on the GPU, None: all there is
         """
         self._ctx = ctx
         self._renderer = Renderer(ctx, probe_limits(ctx, tile_bytes))
+        self._tiling = Tiling(self._renderer, wake)
         self._target: moderngl.Framebuffer | None = None
         self._uploaded: Scene | None = None
         # What the last picture was to show, also where it could not be drawn; it is not tried twice.
@@ -50,36 +53,24 @@ class Viewport:
 
     def upload(self, scene: Scene) -> None:
         """Bring a scene to the GPU; raises GraphicsError where it does not fit, and keeps the last one then."""
-        last, renderer = self._uploaded, self._renderer
         with graphics_errors():
-            if last is None or last.hierarchy is not scene.hierarchy:
-                try:
-                    renderer.set_hierarchy(scene.hierarchy)
-                except GpuError:
-                    if last is None or last.tiles is None:
-                        raise
-                    # There may be room without the tiles of the last one.
-                    renderer.set_tiles(None)
-                    try:
-                        renderer.set_hierarchy(scene.hierarchy)
-                    except GpuError:
-                        self._uploaded = replace(last, tiles=None)
-                        self._bring_tiles_back(last)
-                        raise
-            # From here on the last one is not there any more.
-            self._uploaded = replace(scene, tiles=None)
-            renderer.set_tiles(scene.tiles)
+            try:
+                self._renderer.set_hierarchy(scene.hierarchy)
+            except GpuError:
+                # There may be room without the tiles of the last one, which are baked again otherwise.
+                self._tiling.forget()
+                self._renderer.set_hierarchy(scene.hierarchy)
+            self._tiling.forget()
         self._uploaded = scene
 
-    def _bring_tiles_back(self, scene: Scene) -> None:
-        """Bring the tiles of the scene that is shown to the GPU again, if there is room."""
-        with suppress(GpuError):
-            self._renderer.set_tiles(scene.tiles)
-            self._uploaded = scene
+    @property
+    def is_baking(self) -> bool:
+        """Tiles of the picture are being baked."""
+        return self._tiling.busy
 
     def is_stale(self, viewer: Viewer) -> bool:
         """The picture is not the one that would be drawn now."""
-        return viewer.scene is not None and self._tried != self._wanted(viewer)
+        return viewer.scene is not None and (self._tried != self._wanted(viewer) or self._tiling.has_news)
 
     def draw(self, viewer: Viewer) -> FrameReport:
         """Draw the scene of the viewer, which has to have one, and tell what it took.
@@ -89,8 +80,6 @@ class Viewport:
         assert viewer.scene is not None
         self._tried = self._wanted(viewer)
         with graphics_errors():
-            if self._uploaded is not None and self._uploaded.tiles is not viewer.scene.tiles:
-                self._bring_tiles_back(viewer.scene)
             target = self._framebuffer()
             try:
                 report = self._draw(viewer, viewer.scene, target)
@@ -118,6 +107,11 @@ class Viewport:
             printed_cone_test=state.printed_cone_test,
         )
         selected = time.perf_counter()
+        texels = steering.texels if settings.normal_mapping else 0
+        missing = self._tiling.follow(scene.hierarchy, texels, cut)
+        if self._tiling.trouble:
+            state.say(self._tiling.trouble, is_error=True)
+            self._tiling.trouble = ""
         self._renderer.draw(cut, view, settings, target)
         self._ctx.finish()
         end = time.perf_counter()
@@ -130,6 +124,8 @@ class Viewport:
             visited=int(cut.visited_nodes),
             milliseconds=(first, second, third, fourth),
             total=1e3 * (end - start),
+            missing=missing,
+            texels=self._tiling.shown if settings.normal_mapping else 0,
         )
 
     def show(self, screen: moderngl.Framebuffer) -> None:
@@ -156,15 +152,16 @@ class Viewport:
         return self._uploaded.hierarchy.scale * depth if np.isfinite(depth) else None
 
     def shortcoming(self, scene: Scene) -> str:
-        """Say what the graphics card does not do for a scene that was drawn, once for its tiles; "": nothing."""
+        """Say what the graphics card does not do for a scene that was drawn, once; "": nothing."""
         said = "; ".join(self._renderer.shortcomings)
-        if self._told is scene.tiles or not said:
+        if self._told is scene or not said:
             return ""
-        self._told = scene.tiles
+        self._told = scene
         return said[:1].upper() + said[1:]
 
     def release(self) -> None:
         """Give back what is held on the GPU."""
+        self._tiling.close()
         self._renderer.release()
         if self._target is not None:
             release_picture(self._target)
@@ -172,8 +169,9 @@ class Viewport:
 
     def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
         """Everything that the picture depends on; equal means that the picture is the same."""
-        state, radii = viewer.state, (viewer.steering.r_sil, viewer.steering.r_inner)
-        return (viewer.scene, viewer.camera, radii, state.printed_cone_test, state.settings, self.size)
+        state, steering = viewer.state, viewer.steering
+        detail = (steering.r_sil, steering.r_inner, steering.texels)
+        return (viewer.scene, viewer.camera, detail, state.printed_cone_test, state.settings, self.size)
 
     def _framebuffer(self) -> moderngl.Framebuffer:
         """Return what to draw into: where the size is another one, not what holds the last picture."""

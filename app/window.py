@@ -55,7 +55,7 @@ class ViewerWindow(WindowConfig):
         self._window = wnd
         self._verbose = options.verbose
         self._gui = Gui(wnd)
-        self._viewport = Viewport(ctx, options.tile_bytes)
+        self._viewport = Viewport(ctx, wake, options.tile_bytes)
         self._viewer = Viewer(options, wake, self._viewport.upload, user_cache(options, self._say))
         self._gestures = Gestures(self._viewport.depth_at)
         self._chooser = FileChooser()
@@ -87,7 +87,7 @@ class ViewerWindow(WindowConfig):
 
     @property
     def _waits_for_work(self) -> bool:
-        return self._viewer.task is not None or self._chooser.waiting
+        return self._viewer.task is not None or self._chooser.waiting or self._viewport.is_baking
 
     def _sleep(self) -> float:
         """Return how long the loop may wait for an event."""

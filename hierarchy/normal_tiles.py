@@ -1,45 +1,23 @@
 """Normal tiles: for every node a small map of the true normals (and colours) over its disc.
 
-Based on: Holst and Schumann 2007, section 4. A texel's line runs through the disc along its normal; Algorithm 2
-(hybrid hierarchy) takes the interpolated normal of the triangle that it hits, Algorithm 1 (point hierarchy) the
-Gaussian-weighted sum of the base surfels that it hits. The primitives that a line can hit do not depend on the
-texel, so the hierarchy is traversed once per node, and each primitive found is scattered into the texels it covers.
-
-Departures: texels lie at 2x/(w-1) - 1, which is where eq. 11 samples them (eq. 12 as printed disagrees with it);
-primitives that face the other side do not count; the sphere that selects candidates is the node's bounding sphere,
-not the disc's, so that no primitive over the rim is lost; and an interpolated normal that leans below the disc is
-kept on the rim of the hemisphere. A texel whose line hits nothing keeps the disc's own normal. Where very many
-primitives lie over one disc, as in a fan of a million triangles, a sample of those below the node and next to it has
-to do.
+What is in them and how it is found is in tile_kernels.py; this is how they are laid out, for all nodes at once or for
+some at a time.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
-from hierarchy.encoding import BYTE_ZERO, encode_hemisphere
-from hierarchy.frames import tangents
+from hierarchy.encoding import BYTE_ZERO
 from hierarchy.hierarchy import Hierarchy
-from hierarchy.kernel import gaussian
 from hierarchy.leaves import Triangles
 from hierarchy.model import Int32Array, Progress, UInt8Array, UInt32Array, ignore_progress
+from hierarchy.tile_kernels import LAYER_SIZE, bake_at_once, bake_in_turn
 
-# Tiles lie in the layers of an array texture of this size: every OpenGL 3.3 has it, and 256 layers of it (1M tiles
-# of 16 x 16) besides.
-LAYER_SIZE = 1024
 # Nodes baked between two reports of progress: some 30 ms of work.
 BLOCK = 4096
-# What may be looked at for one tile, nodes, leaves and texels together: BASE_VISITS, some for each of the node's own
-# leaves, and LAYERS times the texels: enough for all tiles of ordinary meshes and for 99.9% of a cloud's.
-BASE_VISITS = 1024
-VISITS_PER_LEAF = 16
-LAYERS = 24
-# Slack of the inside test, relative to the triangle: a texel on an edge must not fall between two triangles.
-EDGE_SLACK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,261 +60,70 @@ class NormalTiles:
         return self.normals[layer, row : row + self.texels, column : column + self.texels]
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
-def _reach(radius, sphere, texels):  # type: ignore[no-untyped-def]
-    """Return the radius of the sphere around all texels that a lookup inside the disc can touch."""
-    beyond = min(math.sqrt(2.0), 1.0 + 2.0 * math.sqrt(2.0) / max(texels - 1, 1))
-    return max(sphere, radius * beyond)
+@dataclass(frozen=True, eq=False)
+class TileStrips:
+    """Tiles of some nodes, as strips that are as wide as a layer of the GPU's texture.
 
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def _texels_between(low, high, texels):  # type: ignore[no-untyped-def]
-    """Return the first and the last of the texels 0 .. texels - 1 in [low, high]; the last comes first if none is.
-
-    Cut off before they are rounded: what no integer can hold, as where a primitive lies 1e30 radii away, would become
-    any integer, and the loop over it endless.
+    nodes : uint32 (K,), in the order of their tiles: along the first strip, then along the second
+    normals : uint8 (S, texels, LAYER_SIZE, 2), as in `NormalTiles`
+    colors : uint8 (S, texels, LAYER_SIZE, 4), or None
     """
-    if not (high >= 0.0 and low <= texels - 1.0):
-        return 0, -1
-    return math.ceil(max(low, 0.0)), math.floor(min(high, texels - 1.0))
+
+    texels: int
+    nodes: UInt32Array
+    normals: UInt8Array
+    colors: UInt8Array | None
 
 
-@nb.njit(cache=True, nogil=True)
-def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, sums):  # type: ignore[no-untyped-def]
-    """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
+class TileBaker:
+    """Bakes the tiles of a hierarchy, as many at a time as anybody wants."""
 
-    corners : float64 (3, 3), u, v, h of the vertices a, b, c in the disc's frame
-    scale, offset : a point u lies at texel u * scale + offset
-    height, sums : float64 (w, w) and (w, w, C): distance of the nearest hit so far, its normal in model space and,
-        where C is 7, its colour
-    Returns how many texels it looked at.
-    """
-    ax, ay = corners[0, 0] * scale + offset, corners[0, 1] * scale + offset
-    bx, by = corners[1, 0] * scale + offset, corners[1, 1] * scale + offset
-    cx, cy = corners[2, 0] * scale + offset, corners[2, 1] * scale + offset
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if not area > 0.0:
-        return 0
-    texels = len(height)
-    slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
-    left, right = _texels_between(min(ax, bx, cx) - EDGE_SLACK, max(ax, bx, cx) + EDGE_SLACK, texels)
-    low, high = _texels_between(min(ay, by, cy) - EDGE_SLACK, max(ay, by, cy) + EDGE_SLACK, texels)
-    for y in range(low, high + 1):
-        for x in range(left, right + 1):
-            wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
-            wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
-            # Each from its own edge, which has exactly the opposite in the triangle beyond: no texel falls between.
-            wc = (ax - x) * (by - y) - (ay - y) * (bx - x)
-            if wa < slack or wb < slack or wc < slack:
-                continue
-            # Seen edge-on the slack is as large as the area: what is interpolated must stay within the triangle.
-            wa, wb, wc = max(wa, 0.0), max(wb, 0.0), max(wc, 0.0)
-            total = wa + wb + wc
-            if not total > 0.0:
-                continue
-            wa, wb, wc = wa / total, wb / total, wc / total
-            h = abs(wa * corners[0, 2] + wb * corners[1, 2] + wc * corners[2, 2])
-            if h < height[y, x]:
-                height[y, x] = h
-                for k in range(3):
-                    sums[y, x, k] = wa * normals[a, k] + wb * normals[b, k] + wc * normals[c, k]
-                for k in range(3, sums.shape[2]):
-                    sums[y, x, k] = wa * colors[a, k - 3] + wb * colors[b, k - 3] + wc * colors[c, k - 3]
-    return max(high + 1 - low, 0) * max(right + 1 - left, 0)
+    def __init__(self, hierarchy: Hierarchy, texels: int) -> None:
+        """texels : texels along one side of a tile (w_s), 1..LAYER_SIZE; raises ValueError where out of range."""
+        if not 1 <= texels <= LAYER_SIZE:
+            raise ValueError(f"a tile has 1 to {LAYER_SIZE} texels a side, not {texels}")
+        self.texels = texels
+        leaves = hierarchy.leaves
+        self.has_colors = leaves.colors is not None
+        read = (
+            leaves.positions,
+            leaves.normals,
+            leaves.indices if isinstance(leaves, Triangles) else np.empty((0, 3), np.int32),
+            np.empty(0, np.float32) if isinstance(leaves, Triangles) else leaves.radii,
+            leaves.colors if leaves.colors is not None else np.empty((0, 4), np.uint8),
+        )
+        disc_normals = hierarchy.splats["normal"][: hierarchy.node_count]
+        self._arrays = (hierarchy.nodes, disc_normals, read, isinstance(leaves, Triangles))
 
+    def empty(self, layers: int, rows: int) -> tuple[UInt8Array, UInt8Array]:
+        """Return normals and colours that nothing has hit: uint8 (layers, rows, LAYER_SIZE, 2), and the same with 4.
 
-@nb.njit(cache=True, nogil=True)
-def _scatter_surfel(corner, radius, leaf, normals, colors, spacing, offset, weights, sums):  # type: ignore[no-untyped-def]
-    """Add a base surfel's weighted normal to the texels whose lines hit its disc (Algorithm 1, eq. 13-14).
+        Colours have no layers where the model has none.
+        """
+        normals = np.full((layers, rows, LAYER_SIZE, 2), int(BYTE_ZERO), np.uint8)
+        # Alpha 0 marks a texel that hit nothing: the shader takes the node's own colour there.
+        return normals, np.zeros((layers if self.has_colors else 0, rows, LAYER_SIZE, 4), np.uint8)
 
-    corner : float64 (3, 3), its centre and its normal in the disc's frame
-    spacing, offset : texel x lies at (x - offset) * spacing
-    weights, sums : float64 (w, w) and (w, w, C): sum of weights, weighted normals in model space and, where C is 7,
-        weighted colours
-    Returns how many texels it looked at.
-    """
-    texels = len(weights)
-    u, v, a, b, c = corner[0, 0], corner[0, 1], corner[1, 0], corner[1, 1], corner[1, 2]
-    if c <= 1e-6 or not radius > 0.0:
-        return 0
-    # Not 1 - a^2: at grazing angles that is what the stored normal is off unit length.
-    extent_u = radius * math.sqrt(b * b + c * c)
-    extent_v = radius * math.sqrt(a * a + c * c)
-    left, right = _texels_between((u - extent_u) / spacing + offset, (u + extent_u) / spacing + offset, texels)
-    low, high = _texels_between((v - extent_v) / spacing + offset, (v + extent_v) / spacing + offset, texels)
-    for y in range(low, high + 1):
-        for x in range(left, right + 1):
-            du, dv = (x - offset) * spacing - u, (y - offset) * spacing - v
-            dh = -(a * du + b * dv) / c
-            rho2 = (du * du + dv * dv + dh * dh) / (radius * radius)
-            if rho2 >= 1.0:
-                continue
-            weight = gaussian(rho2)
-            weights[y, x] += weight
-            for k in range(3):
-                sums[y, x, k] += weight * normals[leaf, k]
-            for k in range(3, sums.shape[2]):
-                sums[y, x, k] += weight * colors[leaf, k - 3]
-    return max(high + 1 - low, 0) * max(right + 1 - left, 0)
+    def bake_into(self, nodes: UInt32Array, first: int, normals: UInt8Array, colors: UInt8Array) -> None:
+        """Bake the tiles of nodes (K,) into what `empty` returned, as the tiles first, first + 1, ..., on all cores."""
+        bake_at_once(*self._arrays, nodes, first, self.texels, normals, colors)
 
+    @property
+    def tiles_of_strip(self) -> int:
+        return LAYER_SIZE // self.texels
 
-@nb.njit(cache=True, nogil=True, inline="always")
-def _to_frame(x, y, z, frame, out, row):  # type: ignore[no-untyped-def]
-    for k in range(3):
-        out[row, k] = x * frame[k, 0] + y * frame[k, 1] + z * frame[k, 2]
+    def strips(self, nodes: UInt32Array) -> TileStrips:
+        """Bake the tiles of nodes (K,), of which there are no more than a layer has room for, on one core.
 
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums):  # type: ignore[no-untyped-def]
-    """Scatter a leaf into a tile; return how much work it was, in leaves and texels.
-
-    at : where the disc's centre lies; reach : of the sphere that selects surfels; corner : float64 (3, 3) to work in
-    """
-    positions, normals, indices, radii, colors = leaves
-    px, py, pz = at
-    if triangles:
-        a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
-        _to_frame(positions[a, 0] - px, positions[a, 1] - py, positions[a, 2] - pz, frame, corner, 0)
-        _to_frame(positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz, frame, corner, 1)
-        _to_frame(positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz, frame, corner, 2)
-        return 1 + _scatter_triangle(corner, a, b, c, normals, colors, scale, half, nearest, sums)
-    x, y, z = positions[leaf, 0] - px, positions[leaf, 1] - py, positions[leaf, 2] - pz
-    if x * x + y * y + z * z > (reach + radii[leaf]) ** 2:
-        return 1
-    _to_frame(x, y, z, frame, corner, 0)
-    _to_frame(normals[leaf, 0], normals[leaf, 1], normals[leaf, 2], frame, corner, 1)
-    radius = np.float64(radii[leaf])
-    return 1 + _scatter_surfel(corner, radius, leaf, normals, colors, 1.0 / scale, half, nearest, sums)
-
-
-@nb.njit(cache=True, nogil=True)
-def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # type: ignore[no-untyped-def]
-    """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile.
-
-    Returns whether the work allowed for a tile was enough for it.
-    """
-    me = nodes[node]
-    at = (np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]))
-    px, py, pz = at
-    reach = _reach(np.float64(me["radius"]), np.float64(me["sphere"]), texels)
-    half = 0.5 * (texels - 1)
-    scale = _scale(me, texels)
-    corner = np.empty((3, 3), np.float64)
-    work_left = _most_work(me, texels)
-    # A path down the tree is at most 74 nodes long (octree.py).
-    stack = np.empty(128, np.int32)
-    stack[0] = 0
-    top = 1
-    while top > 0:
-        top -= 1
-        inner = nodes[stack[top]]
-        dx, dy, dz = inner["x"] - px, inner["y"] - py, inner["z"] - pz
-        limit = reach + inner["sphere"]
-        if dx * dx + dy * dy + dz * dz > limit * limit:
-            continue
-        work_left -= 1
-        if work_left < 0:
-            return False
-        first, last = inner["first_child"], inner["first_child"] + inner["child_count"]
-        begin = inner["leaf_begin"]
-        for child in range(first, last + 1):
-            # The leaves between two children hang on this node itself.
-            end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
-            for leaf in range(begin, end):
-                work_left -= _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums)
-            if child < last:
-                begin = nodes[child]["leaf_end"]
-                stack[top] = child
-                top += 1
-    return True
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def _scale(me, texels):  # type: ignore[no-untyped-def]
-    """Return how many texels of a node's tile a unit length has; one texel lies in the centre, any scale will do."""
-    return (0.5 * (texels - 1) if texels > 1 else 0.5) / max(np.float64(me["radius"]), 1e-300)
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def _most_work(me, texels):  # type: ignore[no-untyped-def]
-    """Return how many nodes, leaves and texels may be looked at for a node's tile."""
-    return BASE_VISITS + VISITS_PER_LEAF * (me["leaf_end"] - me["leaf_begin"]) + LAYERS * texels * texels
-
-
-@nb.njit(cache=True, nogil=True)
-def _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # type: ignore[no-untyped-def]
-    """Scatter as many leaves into a tile as the work allowed for it is enough for: the node's own, then others nearby.
-
-    Own leaves come in an order of which any beginning is spread evenly over all: steps of the golden ratio. The others
-    are those before and behind them in Morton order.
-    """
-    me = nodes[node]
-    at = (np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]))
-    reach = _reach(np.float64(me["radius"]), np.float64(me["sphere"]), texels)
-    half = 0.5 * (texels - 1)
-    scale = _scale(me, texels)
-    corner = np.empty((3, 3), np.float64)
-    work_left = _most_work(me, texels)
-    begin, end = np.int64(me["leaf_begin"]), np.int64(me["leaf_end"])
-    count = end - begin
-    step = int(0.6180339887 * count) or 1
-    while math.gcd(step, count) != 1:
-        step += 1
-    for k in range(count):
-        leaf = begin + k * step % count
-        work_left -= _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums)
-        if work_left < 0:
-            return
-    leaf_count = np.int64(nodes[0]["leaf_end"])
-    for k in range(leaf_count):
-        before, behind = begin - 1 - k, end + k
-        if before >= 0:
-            work_left -= _scatter(leaves, triangles, before, at, reach, frame, scale, half, corner, nearest, sums)
-        if behind < leaf_count:
-            work_left -= _scatter(leaves, triangles, behind, at, reach, frame, scale, half, corner, nearest, sums)
-        if work_left < 0:
-            return
-
-
-@nb.njit(cache=True, nogil=True)
-def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: ignore[no-untyped-def]
-    """Encode a tile's sums into its texels of the atlas; a texel that hit nothing keeps what is there."""
-    texels = len(nearest)
-    local = np.empty((1, 3), np.float64)
-    for y in range(texels):
-        for x in range(texels):
-            if nearest[y, x] == np.inf if triangles else nearest[y, x] <= 0.0:
-                continue
-            _to_frame(sums[y, x, 0], sums[y, x, 1], sums[y, x, 2], frame, local, 0)
-            out_normals[y, x, 0], out_normals[y, x, 1] = encode_hemisphere(local[0, 0], local[0, 1], local[0, 2])
-            weight = 1.0 if triangles else nearest[y, x]
-            for k in range(3, sums.shape[2]):
-                out_colors[y, x, k - 3] = np.rint(sums[y, x, k] / weight)
-
-
-@nb.njit(cache=True, nogil=True, parallel=True)
-def _bake(nodes, disc_normals, leaves, triangles, wanted, first_tile, texels, normals, colors):  # type: ignore[no-untyped-def]
-    side = LAYER_SIZE // texels
-    for i in nb.prange(len(wanted)):
-        node = wanted[i]
-        index = first_tile + i
-        frame = np.empty((3, 3), np.float64)
-        for k in range(3):
-            frame[2, k] = disc_normals[node, k]
-        u = tangents(frame[2, 0], frame[2, 1], frame[2, 2])
-        for k in range(3):
-            frame[0, k], frame[1, k] = u[k], u[3 + k]
-        nearest = np.full((texels, texels), np.inf if triangles else 0.0)
-        sums = np.zeros((texels, texels, 7 if len(colors) > 0 else 3))
-        if not _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):
-            nearest[:] = np.inf if triangles else 0.0
-            sums[:] = 0.0
-            _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums)
-        layer, row, column = index // side**2, index // side % side * texels, index % side * texels
-        tile = normals[layer, row : row + texels, column : column + texels]
-        # Without colours the atlas has no layers; any array of its type will do.
-        color_layer = colors[layer] if len(colors) > 0 else normals[layer]
-        _store(nearest, sums, frame, triangles, tile, color_layer[row : row + texels, column : column + texels])
+        May be called on several threads at once, and while parallel kernels run elsewhere.
+        """
+        count = max(1, -(-len(nodes) // self.tiles_of_strip))
+        normals, colors = self.empty(1, count * self.texels)
+        bake_in_turn(*self._arrays, nodes, 0, self.texels, normals, colors)
+        shape = (count, self.texels, LAYER_SIZE)
+        return TileStrips(
+            self.texels, nodes, normals.reshape(*shape, 2), colors.reshape(*shape, 4) if self.has_colors else None
+        )
 
 
 def bake_tiles(
@@ -349,32 +136,15 @@ def bake_tiles(
     progress : called from this thread; an exception that it raises ends the work
     Raises ValueError where `texels` is out of range.
     """
-    if not 1 <= texels <= LAYER_SIZE:
-        raise ValueError(f"a tile has 1 to {LAYER_SIZE} texels a side, not {texels}")
+    baker = TileBaker(hierarchy, texels)
     wanted = np.arange(hierarchy.node_count, dtype=np.uint32) if nodes is None else np.unique(nodes)
     count = len(wanted)
     # A texture has at least one layer, and a cut may hold no node.
-    layers = max(1, -(-count // (LAYER_SIZE // texels) ** 2))
-    normals = np.full((layers, LAYER_SIZE, LAYER_SIZE, 2), int(BYTE_ZERO), np.uint8)
-    leaves = hierarchy.leaves
-    triangles = isinstance(leaves, Triangles)
-    colors = leaves.colors if leaves.colors is not None else np.empty((0, 4), np.uint8)
-    has_colors = leaves.colors is not None
-    # Alpha 0 marks a texel that hit nothing: the shader takes the node's own colour there.
-    atlas = np.zeros((layers if has_colors else 0, LAYER_SIZE, LAYER_SIZE, 4), np.uint8)
-    arrays = (
-        leaves.positions,
-        leaves.normals,
-        leaves.indices if isinstance(leaves, Triangles) else np.empty((0, 3), np.int32),
-        np.empty(0, np.float32) if isinstance(leaves, Triangles) else leaves.radii,
-        colors,
-    )
-    disc_normals = np.ascontiguousarray(hierarchy.splats["normal"][: hierarchy.node_count])
-    for first in range(0, len(wanted), BLOCK):
-        progress("Baking normal tiles", first / len(wanted))
-        block = wanted[first : first + BLOCK]
-        _bake(hierarchy.nodes, disc_normals, arrays, triangles, block, first, texels, normals, atlas)
+    normals, colors = baker.empty(max(1, -(-count // (LAYER_SIZE // texels) ** 2)), LAYER_SIZE)
+    for first in range(0, count, BLOCK):
+        progress("Baking normal tiles", first / count)
+        baker.bake_into(wanted[first : first + BLOCK], first, normals, colors)
     progress("Baking normal tiles", 1.0)
     tile_of_node = np.full(hierarchy.node_count, -1, np.int32)
     tile_of_node[wanted] = np.arange(count, dtype=np.int32)
-    return NormalTiles(texels, count, tile_of_node, normals, atlas if has_colors else None)
+    return NormalTiles(texels, count, tile_of_node, normals, colors if baker.has_colors else None)

@@ -17,11 +17,12 @@ import numpy as np
 
 from hierarchy.hierarchy import NODE, SPLAT, Hierarchy
 from hierarchy.leaves import Leaves, Surfels, Triangles
-from hierarchy.normal_tiles import LAYER_SIZE, NormalTiles
+from hierarchy.normal_tiles import NormalTiles
 from hierarchy.openings import Openings
 from hierarchy.soundness import fault_of_hierarchy, fault_of_tiles
 from hierarchy.spreads import SCALES
 from hierarchy.tensor_file import DamagedFile, map_tensors, read_metadata, write_tensors
+from hierarchy.tile_kernels import LAYER_SIZE
 
 # Counts up with every change of what is stored that the records' layout does not show.
 VERSION = 1

@@ -20,7 +20,8 @@ from hierarchy.part import AnyArray
 OVERSHOOT = 1.0 / 300.0
 # Splitting stops here, with the worst edges split first: a box of 12 triangles would want about half as many.
 MOST_SURFELS = 1_000_000
-# A disc that leans from its triangle's plane is widened to cover it; beyond 60 degrees the normal is just wrong.
+# A disc that leans from its triangle's plane is widened to cover it; beyond 60 degrees the normal is just wrong, and
+# the plane's is taken.
 LEAST_LEAN_COSINE = 0.5
 # Radii are stored as float32 beside float32 normals: more than both are off by.
 ROUNDED_UP = 1.0 + 1e-6
@@ -29,10 +30,11 @@ ROUNDED_UP = 1.0 + 1e-6
 def surfels_of_mesh(mesh: Mesh) -> PointCloud:
     """Return one surfel a triangle of the mesh, of which big and needle-shaped triangles are split.
 
-    Each surfel has the mesh's normal interpolated at its centre, and its triangle's mean colour.
+    Each surfel has the mesh's normal interpolated at its centre, or its triangle's where that leans too far from it,
+    and its triangle's mean colour.
     """
     positions, faces, normals, colors = _split(mesh)
-    centres, out_normals, radii = _surfels(positions, normals, faces)
+    centres, out_normals, radii = _surfels(positions, normals, faces, mesh.closed)
     mean_colors = None if colors is None else np.rint(colors[faces].mean(axis=1)).astype(np.uint8)
     return PointCloud(
         mesh.name, mesh.origin, centres, out_normals, radii, mean_colors, warnings=mesh.warnings, scale=mesh.scale
@@ -109,7 +111,7 @@ def enclosing_disc(corners, weights):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _surfel(positions, normals, face, centre, out_normal):  # type: ignore[no-untyped-def]
+def _surfel(positions, normals, closed, face, centre, out_normal):  # type: ignore[no-untyped-def]
     """Write centre and normal of a triangle's surfel; return its radius."""
     corners = np.empty((3, 3), np.float64)
     weights = np.empty(3, np.float64)
@@ -125,12 +127,19 @@ def _surfel(positions, normals, face, centre, out_normal):  # type: ignore[no-un
         for axis in range(3):
             normal[axis] += weights[k] * normals[face[k], axis]
     norm = math.sqrt((normal * normal).sum())
+    has_plane = (plane * plane).sum() > 0.0
     if norm > 1e-6:
         normal /= norm
+        lean = (normal * plane).sum()
+        # What faces away on a closed surface is not drawn: a normal on the wrong side would make a hole there. That of
+        # an open one may know the sides better than the order of the corners.
+        side = 1.0 if closed or lean >= 0.0 else -1.0
+        if has_plane and side * lean < LEAST_LEAN_COSINE:
+            normal = side * plane if side * lean > -LEAST_LEAN_COSINE else -normal
     else:
         # Opposite normals at a crease cancel. A triangle without an area has no plane either.
         for axis in range(3):
-            normal[axis] = plane[axis] if (plane * plane).sum() > 0.0 else normals[face[0], axis]
+            normal[axis] = plane[axis] if has_plane else normals[face[0], axis]
     stored = np.empty(3, np.float64)
     for axis in range(3):
         centre[axis] = corners[0, axis] + weights[1] * u[axis] + weights[2] * v[axis]
@@ -144,11 +153,11 @@ def _surfel(positions, normals, face, centre, out_normal):  # type: ignore[no-un
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _surfels(positions, normals, faces):  # type: ignore[no-untyped-def]
+def _surfels(positions, normals, faces, closed):  # type: ignore[no-untyped-def]
     count = len(faces)
     centres = np.empty((count, 3), np.float32)
     out_normals = np.empty((count, 3), np.float32)
     radii = np.empty(count, np.float32)
     for i in nb.prange(count):
-        radii[i] = _surfel(positions, normals, faces[i], centres[i], out_normals[i])
+        radii[i] = _surfel(positions, normals, closed, faces[i], centres[i], out_normals[i])
     return centres, out_normals, radii

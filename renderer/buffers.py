@@ -93,6 +93,7 @@ class TileTextures:
     def __init__(self, ctx: moderngl.Context, tiles: NormalTiles, limits: Limits) -> None:
         """Raises GpuError where not even one layer fits."""
         self.tiles = tiles
+        self.texels = tiles.texels
         self.untiled = 0
         layers, self.layer_size, _, components = tiles.normals.shape
         texel = components + (0 if tiles.colors is None else tiles.colors.shape[3])

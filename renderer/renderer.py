@@ -26,6 +26,7 @@ from renderer.splat_passes import (
     pass_uniforms,
 )
 from renderer.targets import Targets
+from renderer.tile_pages import TilePages
 from renderer.timers import StageTimers
 
 
@@ -43,7 +44,7 @@ class Renderer:
         self._cut_buffers = CutBuffers(ctx)
         self._hierarchy: Hierarchy | None = None
         self._buffers: SplatBuffers | None = None
-        self._tiles: TileTextures | None = None
+        self._tiles: TileTextures | TilePages | None = None
         self._targets: Targets | None = None
         self._passes: dict[tuple[str, Variant], SplatPass] = {}
         self._resolve = Resolve(ctx)
@@ -65,13 +66,26 @@ class Renderer:
         self._hierarchy, self._buffers = hierarchy, buffers
         self._ground_heights.clear()
 
-    def set_tiles(self, tiles: NormalTiles | None) -> None:
-        """Bring the normal tiles of the hierarchy to the GPU; None: there are none yet.
+    def make_pages(self, texels: int) -> TilePages:
+        """Make room for tiles of the hierarchy that are baked one after the other; the caller's until `set_tiles`.
+
+        Raises RuntimeError where no hierarchy was set, GpuError where there is no memory.
+        """
+        if self._hierarchy is None or self._buffers is None:
+            raise RuntimeError("set_hierarchy comes before make_pages")
+        colored = self._buffers.colors is not None
+        return TilePages(self._ctx, self.limits, texels, self._hierarchy.node_count, colored=colored)
+
+    def set_tiles(self, tiles: NormalTiles | TilePages | None) -> None:
+        """Bring the normal tiles of the hierarchy to the GPU, or draw with those of pages; None: there are none yet.
 
         Raises GpuError where they do not fit; the last ones are then still there.
         """
-        textures = None if tiles is None else TileTextures(self._ctx, tiles, self.limits)
-        if self._tiles is not None:
+        if isinstance(tiles, NormalTiles):
+            textures: TileTextures | TilePages | None = TileTextures(self._ctx, tiles, self.limits)
+        else:
+            textures = tiles
+        if self._tiles is not None and self._tiles is not textures:
             self._tiles.release()
         self._tiles = textures
         self._last = None

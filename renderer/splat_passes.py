@@ -18,6 +18,7 @@ from renderer.buffers import RECORD_WIDTH, SplatBuffers, TileTextures
 from renderer.programs import make_program
 from renderer.settings import Settings
 from renderer.targets import Targets
+from renderer.tile_pages import TilePages
 
 # How far the visibility pass pushes a disc back, as shares of its thickness and of its radius. Neighbours that stand
 # for the same surface differ by their thicknesses; the share of the radius is for the noise of single surfels. Igea's
@@ -103,7 +104,7 @@ class CutBuffers:
         self.splats = ctx.buffer(reserve=8, dynamic=True)
         self.indices = ctx.buffer(reserve=12, dynamic=True)
 
-    def upload(self, cut: Cut, tiles: TileTextures | None) -> None:
+    def upload(self, cut: Cut, tiles: TileTextures | TilePages | None) -> None:
         """Bring a cut to the GPU, with the tiles of its splats where there are any.
 
         Raises GpuError where there is no room for it.
@@ -185,7 +186,7 @@ RECORDS_UNIT, NORMALS_UNIT, TILE_COLORS_UNIT, COLORS_UNIT = 0, 1, 2, 3
 
 
 def pass_uniforms(
-    cut: Cut, view: View, settings: Settings, buffers: SplatBuffers, tiles: TileTextures | None
+    cut: Cut, view: View, settings: Settings, buffers: SplatBuffers, tiles: TileTextures | TilePages | None
 ) -> dict[str, object]:
     """Bind the textures of a hierarchy and return the uniforms of both passes."""
     buffers.records.use(RECORDS_UNIT)
@@ -215,9 +216,9 @@ def pass_uniforms(
         tiles.normals.use(NORMALS_UNIT)
         uniforms |= {
             "tile_normals": NORMALS_UNIT,
-            "tile_texels": tiles.tiles.texels,
+            "tile_texels": tiles.texels,
             "layer_size": tiles.layer_size,
-            "tile_scale": 0.5 * (tiles.tiles.texels - 1) / tiles.layer_size,
+            "tile_scale": 0.5 * (tiles.texels - 1) / tiles.layer_size,
         }
         if tiles.colors is not None:
             tiles.colors.use(TILE_COLORS_UNIT)

@@ -10,7 +10,6 @@ from app.errors import GraphicsError
 from app.options import CameraOptions, Options
 from app.state import FrameReport
 from app.viewer import Viewer
-from hierarchy.goals import Detail, Promise
 from hierarchy.model import in_file_space
 
 SIZE = (320, 240)
@@ -35,45 +34,6 @@ def viewer(torus):
     viewer = Viewer(Options(model=torus, texels=4), lambda: None, lambda scene: None)
     yield viewer
     viewer.close()
-
-
-def test_model_is_shown_before_its_tiles_are_baked(viewer):
-    wait(viewer, lambda: viewer.scene is not None)
-    assert viewer.scene.tiles is None
-    assert viewer.camera is not None
-    settle(viewer)
-    assert viewer.scene.tiles.texels == 4
-    assert viewer.state.messages == []
-
-
-def test_change_of_w_s_bakes_anew_while_the_old_tiles_stay(viewer):
-    settle(viewer)
-    old = viewer.scene
-    viewer.state.texels = 8
-    viewer.poll(SIZE)
-    assert viewer.task is not None
-    assert viewer.scene.tiles is old.tiles
-    settle(viewer)
-    assert viewer.scene.tiles.texels == 8
-    assert viewer.scene.hierarchy is old.hierarchy
-
-
-def test_last_of_several_changes_of_w_s_counts(viewer):
-    settle(viewer)
-    for texels in (8, 2, 16):
-        viewer.state.texels = texels
-        viewer.poll(SIZE)
-    settle(viewer)
-    assert viewer.scene.tiles.texels == 16
-
-
-def test_cancelled_baking_keeps_the_old_tiles(viewer):
-    settle(viewer)
-    viewer.state.texels = 32
-    viewer.poll(SIZE)
-    assert viewer.cancel()
-    settle(viewer)
-    assert viewer.scene.tiles.texels == viewer.state.texels == 4
 
 
 def test_bad_file_leaves_the_open_model_there(viewer, tmp_path):
@@ -112,16 +72,6 @@ def test_cancelled_opening_leaves_the_open_model_there(viewer, far_torus):
     settle(viewer)
     assert viewer.scene is scene
     assert not viewer.cancel()
-
-
-def test_opening_during_baking_wins(viewer, far_torus):
-    settle(viewer)
-    viewer.state.texels = 32
-    viewer.poll(SIZE)
-    viewer.open_path(far_torus)
-    settle(viewer)
-    assert viewer.scene.hierarchy.name == "far_torus.ply"
-    assert viewer.scene.tiles.texels == 32
 
 
 def test_camera_of_the_command_line_holds_for_its_own_model_only(torus, far_torus):
@@ -219,32 +169,16 @@ def test_command_line_sets_the_goals(torus):
     viewer.close()
 
 
-def test_error_goal_bakes_the_tiles_that_it_chooses(viewer):
+def test_error_goal_chooses_the_tiles(viewer):
     settle(viewer)
     viewer.state.limit_error, viewer.state.max_degrees = True, 0.3
     wait(viewer, lambda: viewer.steering.next_change is None)
-    settle(viewer)
-    assert viewer.scene.tiles.texels == viewer.steering.texels == viewer.state.steered.texels
+    assert viewer.steering.texels == viewer.state.steered.texels > 0
     # The user's own choice waits until the goal is switched off.
     assert viewer.state.texels == 4
     viewer.state.limit_error = False
-    settle(viewer)
-    assert viewer.scene.tiles.texels == viewer.steering.texels == 4
-
-
-def test_cancelled_baking_for_a_goal_is_not_begun_again(viewer, monkeypatch):
-    settle(viewer)
-    best = Detail(1.0, 16.0, 32), Promise(1.0, 1.0)
-    present = Detail(1.0, 4.0, 4), Promise(1.0, 1.0)
-    monkeypatch.setattr("hierarchy.goals.detail_for_goal", lambda *where, texels: best if 32 in texels else present)
-    viewer.state.limit_error = True
-    wait(viewer, lambda: viewer.task is not None)
-    assert viewer.cancel()
-    wait(viewer, lambda: viewer.task is None)
-    for _ in range(10):
-        viewer.poll(SIZE)
-    assert viewer.task is None
-    assert viewer.scene.tiles.texels == viewer.steering.texels == 4
+    viewer.poll(SIZE)
+    assert viewer.steering.texels == 4
 
 
 def test_frames_reach_history_and_budget(viewer):

@@ -325,7 +325,7 @@ def test_file_dialog_of_the_system(display, models, tmp_path):
     dialog.chmod(0o755)
     window = Window(display, models, "coarse.ply", PATH=f"{tmp_path}:{os.environ['PATH']}")
     try:
-        window.wait_until_idle(lines=1, frames=2)
+        window.wait_until_idle(lines=1, frames=1)
         assert window.do("mousemove", *MIDDLE, "key", "ctrl+o").primitives > 24 * 12 * 2
         assert window.complaints == []
     finally:
@@ -335,7 +335,7 @@ def test_file_dialog_of_the_system(display, models, tmp_path):
 def test_window_can_be_resized_and_closed(display, models):
     window = Window(display, models, "coarse.ply")
     try:
-        window.wait_until_idle(lines=1, frames=2)
+        window.wait_until_idle(lines=1, frames=1)
         window.do("windowsize", window.identity(), 1200, 600)
         picture = np.asarray(ImageGrab.grab((0, 0, 1200, 600), xdisplay=display).convert("RGB")).astype(int)
         ring = np.abs(picture[:, : 1200 - PANEL_WIDTH] - picture[:, :1]).max(axis=-1) > 12
@@ -350,7 +350,7 @@ def test_window_can_be_resized_and_closed(display, models):
 def test_interrupt_ends_the_window_quietly(display, models):
     window = Window(display, models, "coarse.ply")
     try:
-        window.wait_until_idle(lines=1, frames=2)
+        window.wait_until_idle(lines=1, frames=1)
         window.process.send_signal(signal.SIGINT)
         assert window.process.wait(10.0) == 130
         time.sleep(0.1)

@@ -15,7 +15,8 @@ from hierarchy.kernel import SHARPNESS
 from hierarchy.leaves import Triangles
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.model import Cancelled
-from hierarchy.normal_tiles import LAYER_SIZE, bake_tiles
+from hierarchy.normal_tiles import bake_tiles
+from hierarchy.tile_kernels import LAYER_SIZE
 
 OWN = [128, 128]
 # Largest error of the encoding, in degrees.

@@ -16,7 +16,8 @@ from hierarchy.build import build_hierarchy
 from hierarchy.hierarchy import SPLAT, Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.model import PointCloud
-from hierarchy.normal_tiles import LAYER_SIZE, NormalTiles, bake_tiles
+from hierarchy.normal_tiles import NormalTiles, bake_tiles
+from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View, look_at
 from renderer.frame import Frame
 from renderer.settings import Settings

@@ -15,7 +15,8 @@ from hierarchy.build import build_hierarchy
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut, select_cut
 from hierarchy.model import PointCloud
-from hierarchy.normal_tiles import LAYER_SIZE, NormalTiles, bake_tiles
+from hierarchy.normal_tiles import NormalTiles, bake_tiles
+from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View, look_at
 from renderer.allocation import GpuError, Held, allocating
 from renderer.buffers import RECORD_WIDTH, record_texture

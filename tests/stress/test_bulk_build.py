@@ -22,7 +22,7 @@ from hierarchy.openings import border_caps
 MOST_OF_ORDINARY = 3.0
 # Where thousands of large triangles overlap under every disc, every tile takes all the work that it may take, and most
 # of it twice: then a sample is taken instead (normal_tiles.py). Proportional to their number, but more than the above.
-MOST_OF_CROWDED = 9.0
+MOST_OF_CROWDED = 12.0
 CROWDED = ("a fan around one vertex", "coincident triangles", "concentric triangles", "needles through one point")
 TEXELS = 8
 
