@@ -23,6 +23,9 @@ T = TypeVar("T")
 # Laser scans of the ground come in these files, and their z points up.
 Z_UP_SUFFIXES = (".las", ".laz")
 
+# Triangles or points from which on a hierarchy takes so long to build that a coarse one is shown before: two seconds.
+WORTH_A_STAND_IN = 1_000_000
+
 # Seconds that building or baking has to take to be worth keeping.
 WORTH_KEEPING = 0.05
 
@@ -98,17 +101,24 @@ class Scene:
 
 
 def open_scene(
-    source: ModelSource, texels: int | None, progress: Progress = ignore_progress, *, cache: Cache | None = None
+    source: ModelSource,
+    texels: int | None,
+    progress: Progress = ignore_progress,
+    *,
+    cache: Cache | None = None,
+    show: Callable[[Scene], None] | None = None,
 ) -> Scene:
     """Load a model, build its hierarchy and bake its normal tiles, or take from the cache what is in it.
 
     texels : along one side of a tile; None: bake no tiles
     progress : may raise `Cancelled`
+    show : called with a coarse stand-in for the scene as soon as there is one, where the rest takes long; None: nobody
+        wants to see it
     Raises ModelError.
     """
     scene = _find(source, cache)
     if scene is None:
-        scene = _build(source, progress)
+        scene = _build(source, progress, show)
     return scene if texels is None else bake_scene(scene, texels, progress, cache=cache)
 
 
@@ -168,11 +178,17 @@ def _find(source: ModelSource, cache: Cache | None) -> Scene | None:
     return Scene(source, content, hierarchy, None, find_s, 0.0, 0.0, Provenance(None, found.entry))
 
 
-def _build(source: ModelSource, progress: Progress) -> Scene:
+def _build(source: ModelSource, progress: Progress, show: Callable[[Scene], None] | None) -> Scene:
     from app.inputs import watch
     from hierarchy.build import build_hierarchy
 
     (model, inputs), load_s = _timed(lambda: watch(source, lambda: _load(source, progress)))
+    primitives = len(model.faces) if isinstance(model, Mesh) else len(model.positions)
+    if show is not None and primitives >= WORTH_A_STAND_IN:
+        from hierarchy.stand_in import stand_in
+
+        coarse, coarse_s = _timed(lambda: build_hierarchy(stand_in(model), progress=progress))
+        show(Scene(source, _content(model), coarse, None, load_s, coarse_s, 0.0))
     hierarchy, build_s = _timed(lambda: build_hierarchy(model, points=source.points, progress=progress))
     return Scene(source, _content(model), hierarchy, None, load_s, build_s, 0.0, Provenance(inputs))
 

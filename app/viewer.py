@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -68,6 +69,10 @@ class Viewer:
         self._camera_options = options.camera
         self._cache = cache
         self._keeper = None if cache is None else Keeper(cache)
+        self._stand_ins: queue.SimpleQueue[Scene] = queue.SimpleQueue()
+        self._stand_in_of: BackgroundTask[Scene] | None = None
+        # What was shown before the stand-in that is shown, and from where; None: no stand-in is shown.
+        self._before: tuple[Scene | None, OrbitCamera | None] | None = None
         # What goes into the cache once it has been drawn: the first picture comes first.
         self._unkept: Scene | None = None
         self.open(ModelSource(options.model, options.texture, options.points))
@@ -82,10 +87,13 @@ class Viewer:
         if running is not None:
             running.cancel()
 
+        stand_ins: queue.SimpleQueue[Scene] = queue.SimpleQueue()
+
         def work(progress: Progress) -> Scene:
-            return _open_ready_to_select(source, progress, self._cache)
+            return _open_ready_to_select(source, progress, self._cache, stand_ins.put)
 
         self.task = BackgroundTask(work, self._wake, after=running)
+        self._stand_ins = stand_ins
 
     def poll(self, resolution: tuple[int, int]) -> None:
         """Take over what the background has finished, and start what has to be done next."""
@@ -93,6 +101,8 @@ class Viewer:
         if task is not None and task.finished:
             self.task = None
             self._take(task, resolution)
+        elif task is not None and not task.cancelled and not self._stand_ins.empty():
+            self._show_stand_in(task, self._stand_ins.get(), resolution)
         if self.scene is not None and self.camera is not None:
             now = time.monotonic()
             self.steering.update(self.state, self.scene, self.camera, resolution, lambda: self.view(resolution), now)
@@ -158,6 +168,8 @@ class Viewer:
         )
 
     def _take(self, task: BackgroundTask[Scene], resolution: tuple[int, int]) -> None:
+        framed, self._stand_in_of = self._stand_in_of is task, None
+        before, self._before = self._before, None
         try:
             scene = task.result()
             self._upload(scene)
@@ -173,14 +185,50 @@ class Viewer:
             self.state.say(unforeseen(error), is_error=True)
         else:
             self.state.dismiss_error()
-            self.state.history.clear()
-            self.steering = Steering()
-            self._frame(scene, resolution)
-            # The inside of an open surface shows; a closed one's does not.
-            self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
+            # Who has looked around at the stand-in goes on from there.
+            self._show(scene, resolution, framed=framed)
             for warning in scene.hierarchy.warnings:
                 self.state.say(warning)
-            self.scene = self._unkept = scene
+            self._unkept = scene
+            return
+        if before is not None:
+            self._bring_back(before, resolution)
+
+    def _show(self, scene: Scene, resolution: tuple[int, int], *, framed: bool) -> None:
+        """Make a scene that has been uploaded the one that is shown; framed: the camera looks at it already."""
+        self.state.history.clear()
+        self.steering = Steering()
+        if not framed:
+            self._frame(scene, resolution)
+        # The inside of an open surface shows; a closed one's does not.
+        self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
+        self.scene = scene
+
+    def _show_stand_in(self, task: BackgroundTask[Scene], stand_in: Scene, resolution: tuple[int, int]) -> None:
+        """Show a coarse stand-in for what a task opens, and remember what was shown before."""
+        shown = (self.scene, self.camera)
+        try:
+            self._upload(stand_in)
+        except GraphicsError:
+            # Then there will be a message about the model itself.
+            return
+        self._stand_in_of = task
+        # Another stand-in is nothing to come back to.
+        self._before = self._before or shown
+        self._show(stand_in, resolution, framed=False)
+
+    def _bring_back(self, before: tuple[Scene | None, OrbitCamera | None], resolution: tuple[int, int]) -> None:
+        """Show what was shown before a stand-in whose model could not be opened; nothing, if nothing was."""
+        scene, camera = before
+        self.scene, self.camera = None, None
+        if scene is not None:
+            try:
+                self._upload(scene)
+            except GraphicsError as error:
+                self.state.say(str(error), is_error=True)
+                return
+            self._show(scene, resolution, framed=True)
+            self.camera = camera
 
     def _frame(self, scene: Scene, resolution: tuple[int, int]) -> None:
         options, self._camera_options = self._camera_options, CameraOptions()
@@ -219,13 +267,20 @@ def _state_of_options(options: Options) -> ViewerState:
     return state
 
 
-def _open_ready_to_select(source: ModelSource, progress: Progress, cache: Cache | None) -> Scene:
-    """Open a scene without tiles and choose a first cut, so that its kernel is compiled before the window wants it."""
+def _open_ready_to_select(
+    source: ModelSource, progress: Progress, cache: Cache | None, show: Callable[[Scene], None]
+) -> Scene:
+    """Open a scene without tiles and choose a first cut, so that its kernel is compiled before the window wants it.
+
+    show : called with a coarse stand-in, ready as well, where there is one
+    """
     from hierarchy.lod import select_cut
 
-    scene = open_scene(source, None, progress, cache=cache)
-    progress("Preparing the selection", 1.0)
-    resolution = (64, 64)
-    view = view_of_pose(frame_scene(scene, CameraOptions(), resolution), scene, resolution)
-    select_cut(scene.hierarchy, view, 2.0, 16.0, two_sided=False)
-    return scene
+    def ready(scene: Scene) -> Scene:
+        progress("Preparing the selection", 1.0)
+        resolution = (64, 64)
+        view = view_of_pose(frame_scene(scene, CameraOptions(), resolution), scene, resolution)
+        select_cut(scene.hierarchy, view, 2.0, 16.0, two_sided=False)
+        return scene
+
+    return ready(open_scene(source, None, progress, cache=cache, show=lambda stand_in: show(ready(stand_in))))

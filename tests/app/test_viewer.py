@@ -1,5 +1,6 @@
 """The viewer without its window: models come and go in the background, and what is open survives what fails."""
 
+import threading
 import time
 
 import numpy as np
@@ -10,7 +11,7 @@ from app.errors import GraphicsError
 from app.options import CameraOptions, Options
 from app.state import FrameReport
 from app.viewer import Viewer
-from hierarchy.model import in_file_space
+from hierarchy.model import PointCloud, in_file_space
 
 SIZE = (320, 240)
 
@@ -193,3 +194,74 @@ def test_frames_reach_history_and_budget(viewer):
     viewer.camera = viewer.camera.orbit(3.0, 0.0, SIZE[1])
     viewer.poll(SIZE)
     assert viewer.steering.r_inner > 4.0 * viewer.state.r_inner
+
+
+@pytest.fixture
+def held_build(monkeypatch):
+    """Models of any size have a stand-in, and what comes after it waits until the event is set."""
+    from hierarchy import build
+
+    go_on, whole = threading.Event(), build.build_hierarchy
+
+    def build_hierarchy(model, **keywords):
+        if not isinstance(model, PointCloud):
+            assert go_on.wait(60.0)
+        return whole(model, **keywords)
+
+    monkeypatch.setattr("app.scene.WORTH_A_STAND_IN", 1)
+    monkeypatch.setattr("hierarchy.build.build_hierarchy", build_hierarchy)
+    yield go_on
+    go_on.set()
+
+
+def test_stand_in_is_shown_until_the_model_is_there(viewer, far_torus, held_build):
+    held_build.set()
+    settle(viewer)
+    held_build.clear()
+    viewer.open_path(far_torus)
+    wait(viewer, lambda: viewer.scene.hierarchy.name == "far_torus.ply")
+    assert viewer.scene.hierarchy.leaf_kind == "surfels"
+    assert viewer.task is not None
+    # Whoever looks around meanwhile is not sent back.
+    viewer.camera = camera = viewer.camera.orbit(30.0, 10.0, SIZE[1])
+    held_build.set()
+    settle(viewer)
+    assert viewer.scene.hierarchy.leaf_kind == "triangles"
+    assert viewer.camera is camera
+    assert viewer.state.messages == []
+
+
+@pytest.mark.parametrize("cancelled", [True, False])
+def test_model_that_fails_after_its_stand_in_brings_the_last_one_back(
+    viewer, far_torus, held_build, monkeypatch, cancelled
+):
+    held_build.set()
+    settle(viewer)
+    scene, camera = viewer.scene, viewer.camera
+    held_build.clear()
+    viewer.open_path(far_torus)
+    wait(viewer, lambda: viewer.scene is not scene)
+    if cancelled:
+        assert viewer.cancel()
+    else:
+        monkeypatch.setattr("hierarchy.build.sort_triangles", lambda mesh: 1 / 0)
+    held_build.set()
+    settle(viewer)
+    assert (viewer.scene, viewer.camera) == (scene, camera)
+    assert len(viewer.state.messages) == 1
+
+
+def test_other_model_opened_during_a_stand_in_gets_a_camera_of_its_own(viewer, torus, far_torus, held_build):
+    held_build.set()
+    settle(viewer)
+    before = viewer.camera
+    held_build.clear()
+    viewer.open_path(far_torus)
+    wait(viewer, lambda: viewer.scene.hierarchy.name == "far_torus.ply")
+    far = viewer.camera
+    viewer.open_path(torus)
+    held_build.set()
+    settle(viewer)
+    assert viewer.scene.hierarchy.name == torus.name
+    assert np.allclose(viewer.camera.position, before.position)
+    assert not np.allclose(viewer.camera.position, far.position)
