@@ -102,6 +102,26 @@ def corner(positions, indices, radii, normals, leaf, k):  # type: ignore[no-unty
     )
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def _centroid(positions, a, b, c):  # type: ignore[no-untyped-def]
+    """Return the centroid of a triangle, computed relative to the first corner: small ones keep their digits."""
+    x, y, z = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
+    return (
+        x + ((positions[b, 0] - x) + (positions[c, 0] - x)) / 3.0,
+        y + ((positions[b, 1] - y) + (positions[c, 1] - y)) / 3.0,
+        z + ((positions[b, 2] - z) + (positions[c, 2] - z)) / 3.0,
+    )
+
+
+@nb.njit(cache=True, nogil=True, parallel=True)
+def _centroids(positions, faces):  # type: ignore[no-untyped-def]
+    centres = np.empty((len(faces), 3), np.float32)
+    for i in nb.prange(len(faces)):
+        x, y, z = _centroid(positions, faces[i, 0], faces[i, 1], faces[i, 2])
+        centres[i, 0], centres[i, 1], centres[i, 2] = x, y, z
+    return centres
+
+
 @nb.njit(cache=True, nogil=True, parallel=True)
 def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
     count = len(faces)
@@ -120,9 +140,7 @@ def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
             normals[i, 0], normals[i, 1], normals[i, 2] = nx / norm, ny / norm, nz / norm
         else:
             normals[i, 0], normals[i, 1], normals[i, 2] = 0.0, 0.0, 1.0
-        centres[i, 0] = px + (ux + vx) / 3.0
-        centres[i, 1] = py + (uy + vy) / 3.0
-        centres[i, 2] = pz + (uz + vz) / 3.0
+        centres[i, 0], centres[i, 1], centres[i, 2] = _centroid(positions, a, b, c)
         areas[i] = 0.5 * norm
         extent2 = 0.0
         for k in range(3):
@@ -154,24 +172,18 @@ def _first_use(faces, order, vertex_count):  # type: ignore[no-untyped-def]
 
 def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, UInt16Array]:
     """Put a mesh's triangles into Morton order; return them, their shapes and the steps between them."""
-    normals, centres, areas, extents = _triangle_shapes(mesh.positions, mesh.faces)
-    order, steps = morton_order(centres)
+    # Only what they are sorted by is measured before: the rest need not be brought into another order then.
+    order, steps = morton_order(_centroids(mesh.positions, mesh.faces))
     indices, old_from_new = _first_use(mesh.faces, order, len(mesh.positions))
+    del order
     triangles = Triangles(
         mesh.positions[old_from_new],
         mesh.normals[old_from_new],
         indices,
         None if mesh.colors is None else mesh.colors[old_from_new],
     )
-    shapes = LeafShapes(
-        positions=triangles.positions,
-        indices=indices,
-        radii=np.empty(0, np.float32),
-        normals=normals[order],
-        centres=centres[order],
-        areas=areas[order],
-        extents=extents[order],
-    )
+    normals, centres, areas, extents = _triangle_shapes(triangles.positions, indices)
+    shapes = LeafShapes(triangles.positions, indices, np.empty(0, np.float32), normals, centres, areas, extents)
     return triangles, shapes, steps
 
 
