@@ -32,8 +32,9 @@ class Baker:
         self._threads: list[threading.Thread] = []
         self._tiles: TileBaker | None = None
         self._waiting: UInt32Array = np.empty(0, np.uint32)
-        self._in_hand: dict[int, UInt32Array] = {}
-        self._baked: list[tuple[TileBaker, TileStrips]] = []
+        self._in_hand: dict[int, tuple[TileBaker, UInt32Array]] = {}
+        # Of self._tiles, and nobody else's.
+        self._baked: list[TileStrips] = []
         self._error: BaseException | None = None
         self._closed = False
 
@@ -46,13 +47,17 @@ class Baker:
     def busy(self) -> bool:
         """Something is wanted and not yet taken."""
         with self._changed:
-            return self.has_baked or bool(self._in_hand) or len(self._waiting) > 0
+            in_hand = any(tiles is self._tiles for tiles, _ in self._in_hand.values())
+            return self.has_baked or in_hand or len(self._waiting) > 0
 
     def want(self, tiles: TileBaker, nodes: UInt32Array) -> None:
         """Bake the tiles of these nodes next, uint32 (K,), the first ones first; and no others."""
         with self._changed:
-            if self._in_hand and self._tiles is tiles:
-                nodes = nodes[~np.isin(nodes, np.concatenate(list(self._in_hand.values())))]
+            if self._tiles is not tiles:
+                self._drop()
+            in_hand = [nodes for owner, nodes in self._in_hand.values() if owner is tiles]
+            if in_hand:
+                nodes = nodes[~np.isin(nodes, np.concatenate(in_hand))]
             self._tiles, self._waiting = tiles, nodes
             while len(nodes) > 0 and len(self._threads) < self._count:
                 name = f"surfelscope-bake-{len(self._threads)}"
@@ -64,11 +69,22 @@ class Baker:
     def take(self, tiles: TileBaker) -> list[TileStrips]:
         """Return what has been baked of `tiles` since the last call; raises what baking raised."""
         with self._changed:
+            if tiles is not self._tiles:
+                return []
             baked, self._baked = self._baked, []
             error, self._error = self._error, None
         if error is not None:
             raise error
-        return [strips for owner, strips in baked if owner is tiles]
+        return baked
+
+    def drop(self) -> None:
+        """Want nothing any more; what has been baked is thrown away."""
+        with self._changed:
+            self._drop()
+
+    def _drop(self) -> None:
+        self._tiles, self._error = None, None
+        self._waiting, self._baked = self._waiting[:0], []
 
     def close(self) -> None:
         """Stop; whoever is baking finishes its block first."""
@@ -90,8 +106,10 @@ class Baker:
                 error = problem
             with self._changed:
                 del self._in_hand[number]
+                if tiles is not self._tiles:
+                    continue
                 if strips is not None:
-                    self._baked.append((tiles, strips))
+                    self._baked.append(strips)
                 else:
                     self._error, self._waiting = error, self._waiting[:0]
             self._wake()
@@ -101,10 +119,11 @@ class Baker:
         with self._changed:
             while not self._closed and len(self._waiting) == 0:
                 self._changed.wait()
-            if self._closed or self._tiles is None:
+            if self._closed:
                 return None
+            assert self._tiles is not None
             # Full strips, as a page of the GPU's is never shared by two blocks.
             block = self._tiles.tiles_of_strip * max(1, BLOCK // self._tiles.tiles_of_strip)
-            self._in_hand[number] = self._waiting[:block]
+            self._in_hand[number] = self._tiles, self._waiting[:block]
             self._waiting = self._waiting[block:]
-            return self._tiles, self._in_hand[number]
+            return self._in_hand[number]

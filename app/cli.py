@@ -27,6 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from app.errors import EXIT_DEFECT, EXIT_ERROR, GraphicsError, OutputError, UsageError, WindowError, unforeseen
     from app.options import BENCH, parse_options
     from hierarchy.model import ModelError
+    from hierarchy.plain_text import plain_line
     from renderer.context import ContextError
 
     line = sys.argv[1:] if arguments is None else arguments
@@ -50,6 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         # Whoever read the output has gone. Spare the interpreter a second attempt at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_ERROR
+    except OSError as error:
+        # Such as a standard output on a full disk.
+        print(f"surfelscope: {plain_line(str(error))}", file=sys.stderr)
         return EXIT_ERROR
     except Exception as error:
         if "--verbose" in line:

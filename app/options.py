@@ -56,7 +56,7 @@ class Options:
     splat : one of SPLATS
     printed_cone_test : tell the silhouette by the test as printed in the paper
     points : build a point hierarchy from a mesh, too
-    tile_memory : MB (1e6 bytes) of graphics memory that the normal tiles may take, None: all there is
+    tile_memory : MB (1e6 bytes) of graphics memory that the normal tiles may take, None: 134 in the window, else all
     resolution : width and height in pixels, None: not given
     outputs : files to write (render)
     frames : how many to draw (render)
@@ -219,7 +219,7 @@ def _add_picture_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--tile-memory", metavar="MB", type=option_values.whole(1, 1_000_000),
-        help="most graphics memory that the normal tiles may take (all there is)",
+        help="most graphics memory that the normal tiles may take (134 in the window, else all there is)",
     )  # fmt: skip
     group.add_argument(
         "--resolution", metavar="W,H", type=option_values.resolution, help="size of the picture in pixels"

@@ -105,14 +105,15 @@ def _detail(state: ViewerState, scene: Scene | None, scale: float) -> None:
     imgui.end_disabled()
     if steered is None:
         state.r_sil, state.r_inner, state.texels = r_sil, r_inner, texels
-    if scene is not None and scene.tiles is not None and scene.tiles.texels != texels:
-        _dim(f"still drawn with {scene.tiles.texels} × {scene.tiles.texels}")
+    drawn = state.history[-1].texels if scene is not None and state.history else 0
+    if drawn not in (0, texels):
+        _dim(f"still drawn with {drawn} × {drawn}")
     _goals(state, scale)
 
 
 def _texels(texels: int, scale: float) -> int:
     """Return the texels along one side of a tile, one of TEXELS."""
-    _label("w_s", "Texels along one side of a normal tile; a change bakes all tiles anew in the background", scale)
+    _label("w_s", "Texels along one side of a normal tile; after a change those in view are baked anew", scale)
     imgui.set_next_item_width(-VALUE_WIDTH * scale)
     chosen = TEXELS.index(texels) if texels in TEXELS else 0
     # A slider of whole numbers would have a handle as wide as a step.

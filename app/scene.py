@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -187,8 +188,10 @@ def _build(source: ModelSource, progress: Progress, show: Callable[[Scene], None
     if show is not None and primitives >= WORTH_A_STAND_IN:
         from hierarchy.stand_in import stand_in
 
-        coarse, coarse_s = _timed(lambda: build_hierarchy(stand_in(model), progress=progress))
-        show(Scene(source, _content(model), coarse, None, load_s, coarse_s, 0.0))
+        # Without a stand-in it has to do, too.
+        with suppress(MemoryError):
+            coarse, coarse_s = _timed(lambda: build_hierarchy(stand_in(model), progress=progress))
+            show(Scene(source, _content(model), coarse, None, load_s, coarse_s, 0.0))
     hierarchy, build_s = _timed(lambda: build_hierarchy(model, points=source.points, progress=progress))
     return Scene(source, _content(model), hierarchy, None, load_s, build_s, 0.0, Provenance(inputs))
 

@@ -67,10 +67,11 @@ class Steering:
         self._tiled = 0 if report.missing else report.texels
         scene, camera, size = self._situation
         drawn = (camera, scene, size, state.settings, state.printed_cone_test)
-        measured = camera is not self._drawn[0] and drawn[1:] == self._drawn[1:] if self._drawn else False
+        moved = not self._drawn or camera is not self._drawn[0]
+        measured = bool(self._drawn) and moved and drawn[1:] == self._drawn[1:]
         self._drawn = drawn
         self._budget.drawn(report.total, measured=measured)
-        if not self._budget.rests:
+        if not self._budget.rests and moved:
             # What moves cannot come to rest before it has been seen.
             self._changed = now
         self._publish(state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from app.baker import Baker
 from app.errors import unforeseen
@@ -14,10 +15,17 @@ from renderer.renderer import Renderer
 from renderer.tile_pages import TilePages
 
 
+@dataclass(frozen=True, eq=False)
+class _Tiles:
+    """Tiles of one size: what bakes them, and where they are on the GPU."""
+
+    baker: TileBaker
+    pages: TilePages
+
+
 class Tiling:
     """Keeps the renderer's tiles those of the present cut, as far as they have been baked.
 
-    shown : texels along one side of the tiles that are drawn with, 0: none
     trouble : why tiles are missing that nobody is baking, "": none are; taken by whoever shows it
     """
 
@@ -25,11 +33,10 @@ class Tiling:
         """wake : called from the background when there are more tiles to draw with."""
         self._renderer = renderer
         self._baker = Baker(wake)
-        self._tiles: TileBaker | None = None
-        # Those that tiles are brought to; the renderer's as soon as they have all that a cut needs.
-        self._pages: TilePages | None = None
+        # The pages of those that are shown are the renderer's; those that are coming are shown once a cut has all.
+        self._shown: _Tiles | None = None
+        self._coming: _Tiles | None = None
         self._refused: tuple[Hierarchy, int] | None = None
-        self.shown = 0
         self.trouble = ""
 
     @property
@@ -42,12 +49,19 @@ class Tiling:
         """Tiles of the last picture are still being baked."""
         return self._baker.busy
 
+    @property
+    def texels(self) -> int:
+        """Texels along one side of the tiles that are drawn with; 0: none, or some will never come."""
+        if self._shown is None or self._refused is not None or self._shown.pages.untiled:
+            return 0
+        return self._shown.pages.texels
+
     def forget(self) -> None:
         """Let go of all tiles: the renderer has another hierarchy, or is about to get one."""
-        self._drop_pages()
+        self._baker.drop()
+        self._drop_coming()
         self._renderer.set_tiles(None)
-        self._tiles = self._refused = None
-        self.shown = 0
+        self._shown = self._refused = None
 
     def follow(self, hierarchy: Hierarchy, texels: int, cut: Cut) -> int:
         """Bring what has been baked to the GPU, and have baked what a cut still needs; return how many tiles that is.
@@ -56,7 +70,9 @@ class Tiling:
         tiles of another size are there the last ones are drawn with.
         """
         if texels == 0 or (hierarchy, texels) == self._refused:
+            self._baker.drop()
             return 0
+        self._refused = None
         try:
             return self._follow(hierarchy, texels, cut)
         except GpuError as error:
@@ -68,28 +84,41 @@ class Tiling:
         return 0
 
     def _follow(self, hierarchy: Hierarchy, texels: int, cut: Cut) -> int:
-        if self._pages is None or self._tiles is None or self._pages.texels != texels:
-            self._drop_pages()
-            self._pages, self._tiles = self._renderer.make_pages(texels), TileBaker(hierarchy, texels)
-        for strips in self._baker.take(self._tiles):
-            self._pages.add(strips)
-        missing = self._pages.missing(cut.splats)
-        self._baker.want(self._tiles, missing)
-        if self.shown in (0, texels) or len(missing) == 0:
-            self._renderer.set_tiles(self._pages)
-            self.shown = texels
+        wanted = self._tiles_of(hierarchy, texels)
+        for each in {wanted, self._shown}:
+            if each is not None:
+                each.pages.mark(cut.splats)
+        for strips in self._baker.take(wanted.baker):
+            if not wanted.pages.add(strips):
+                # Too many pages are half empty: baked again all at once the tiles of a cut fill few.
+                wanted.pages.clear()
+        missing = wanted.pages.missing(cut.splats)
+        self._baker.want(wanted.baker, missing)
+        if wanted is self._coming and (self._shown is None or len(missing) == 0):
+            self._renderer.set_tiles(wanted.pages)
+            self._shown, self._coming = wanted, None
         return len(missing)
 
-    def _drop_pages(self) -> None:
-        """Give back pages that the renderer does not draw with."""
-        if self._pages is not None and self.shown != self._pages.texels:
-            self._pages.release()
-        self._pages = None
+    def _tiles_of(self, hierarchy: Hierarchy, texels: int) -> _Tiles:
+        """Return the tiles of a size: those that are shown or coming, or new ones that come from now on."""
+        if self._shown is not None and self._shown.pages.texels == texels:
+            self._drop_coming()
+            return self._shown
+        if self._coming is None or self._coming.pages.texels != texels:
+            self._drop_coming()
+            self._coming = _Tiles(TileBaker(hierarchy, texels), self._renderer.make_pages(texels))
+        return self._coming
+
+    def _drop_coming(self) -> None:
+        if self._coming is not None:
+            self._coming.pages.release()
+            self._coming = None
 
     def _refuse(self, hierarchy: Hierarchy, texels: int, why: str) -> None:
+        self._baker.drop()
         self._refused, self.trouble = (hierarchy, texels), why
 
     def close(self) -> None:
         """Stop baking."""
         self._baker.close()
-        self._drop_pages()
+        self._drop_coming()

@@ -39,6 +39,9 @@ AXIS_VIEWS = {
 }
 
 
+_Shown = tuple[Scene | None, OrbitCamera | None, Settings]
+
+
 class Viewer:
     """Opens models in the background and keeps the one that is shown.
 
@@ -71,8 +74,9 @@ class Viewer:
         self._keeper = None if cache is None else Keeper(cache)
         self._stand_ins: queue.SimpleQueue[Scene] = queue.SimpleQueue()
         self._stand_in_of: BackgroundTask[Scene] | None = None
+        self._stand_in_camera: OrbitCamera | None = None
         # What was shown before the stand-in that is shown, and from where; None: no stand-in is shown.
-        self._before: tuple[Scene | None, OrbitCamera | None] | None = None
+        self._before: _Shown | None = None
         # What goes into the cache once it has been drawn: the first picture comes first.
         self._unkept: Scene | None = None
         self.open(ModelSource(options.model, options.texture, options.points))
@@ -96,7 +100,7 @@ class Viewer:
         self._stand_ins = stand_ins
 
     def poll(self, resolution: tuple[int, int]) -> None:
-        """Take over what the background has finished, and start what has to be done next."""
+        """Take over what the background has finished, and decide what is drawn next."""
         task = self.task
         if task is not None and task.finished:
             self.task = None
@@ -168,7 +172,9 @@ class Viewer:
         )
 
     def _take(self, task: BackgroundTask[Scene], resolution: tuple[int, int]) -> None:
-        framed, self._stand_in_of = self._stand_in_of is task, None
+        # Who has looked around at the stand-in goes on from there.
+        framed = self._stand_in_of is task and self.camera is not self._stand_in_camera
+        self._stand_in_of = None
         before, self._before = self._before, None
         try:
             scene = task.result()
@@ -185,7 +191,6 @@ class Viewer:
             self.state.say(unforeseen(error), is_error=True)
         else:
             self.state.dismiss_error()
-            # Who has looked around at the stand-in goes on from there.
             self._show(scene, resolution, framed=framed)
             for warning in scene.hierarchy.warnings:
                 self.state.say(warning)
@@ -198,7 +203,9 @@ class Viewer:
         """Make a scene that has been uploaded the one that is shown; framed: the camera looks at it already."""
         self.state.history.clear()
         self.steering = Steering()
-        if not framed:
+        if framed:
+            self._camera_options = CameraOptions()
+        else:
             self._frame(scene, resolution)
         # The inside of an open surface shows; a closed one's does not.
         self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
@@ -206,29 +213,32 @@ class Viewer:
 
     def _show_stand_in(self, task: BackgroundTask[Scene], stand_in: Scene, resolution: tuple[int, int]) -> None:
         """Show a coarse stand-in for what a task opens, and remember what was shown before."""
-        shown = (self.scene, self.camera)
+        shown = (self.scene, self.camera, self.state.settings)
         try:
             self._upload(stand_in)
-        except GraphicsError:
+        except Exception:
             # Then there will be a message about the model itself.
             return
         self._stand_in_of = task
         # Another stand-in is nothing to come back to.
         self._before = self._before or shown
+        # The command line's camera is for the model itself.
+        options = self._camera_options
         self._show(stand_in, resolution, framed=False)
+        self._camera_options, self._stand_in_camera = options, self.camera
 
-    def _bring_back(self, before: tuple[Scene | None, OrbitCamera | None], resolution: tuple[int, int]) -> None:
+    def _bring_back(self, before: _Shown, resolution: tuple[int, int]) -> None:
         """Show what was shown before a stand-in whose model could not be opened; nothing, if nothing was."""
-        scene, camera = before
+        scene, camera, settings = before
         self.scene, self.camera = None, None
         if scene is not None:
             try:
                 self._upload(scene)
-            except GraphicsError as error:
-                self.state.say(str(error), is_error=True)
+            except Exception as error:
+                self.state.say(str(error) if isinstance(error, GraphicsError) else unforeseen(error), is_error=True)
                 return
             self._show(scene, resolution, framed=True)
-            self.camera = camera
+            self.camera, self.state.settings = camera, settings
 
     def _frame(self, scene: Scene, resolution: tuple[int, int]) -> None:
         options, self._camera_options = self._camera_options, CameraOptions()

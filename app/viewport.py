@@ -34,7 +34,7 @@ class Viewport:
         """Start without a model.
 
         wake : called from the background when there is more to draw
-        tile_bytes : most memory that the normal tiles may take on the GPU, None: all there is
+        tile_bytes : most memory that the normal tiles may take on the GPU, None: what tile_pages.py takes
         """
         self._ctx = ctx
         self._renderer = Renderer(ctx, probe_limits(ctx, tile_bytes))
@@ -43,6 +43,7 @@ class Viewport:
         self._uploaded: Scene | None = None
         # What the last picture was to show, also where it could not be drawn; it is not tried twice.
         self._tried: tuple[object, ...] | None = None
+        self._drawn = False
         self._told: object = None
         self.size = (1, 1)
 
@@ -70,7 +71,9 @@ class Viewport:
 
     def is_stale(self, viewer: Viewer) -> bool:
         """The picture is not the one that would be drawn now."""
-        return viewer.scene is not None and (self._tried != self._wanted(viewer) or self._tiling.has_news)
+        return viewer.scene is not None and (
+            self._tried != self._wanted(viewer) or (self._drawn and self._tiling.has_news)
+        )
 
     def draw(self, viewer: Viewer) -> FrameReport:
         """Draw the scene of the viewer, which has to have one, and tell what it took.
@@ -78,7 +81,7 @@ class Viewport:
         Raises GraphicsError where the picture cannot be drawn; the last one then stays.
         """
         assert viewer.scene is not None
-        self._tried = self._wanted(viewer)
+        self._tried, self._drawn = self._wanted(viewer), False
         with graphics_errors():
             target = self._framebuffer()
             try:
@@ -88,6 +91,7 @@ class Viewport:
                     release_picture(target)
                 raise
             self._keep(target)
+            self._drawn = True
             return report
 
     def _draw(self, viewer: Viewer, scene: Scene, target: moderngl.Framebuffer) -> FrameReport:
@@ -125,7 +129,7 @@ class Viewport:
             milliseconds=(first, second, third, fourth),
             total=1e3 * (end - start),
             missing=missing,
-            texels=self._tiling.shown if settings.normal_mapping else 0,
+            texels=self._tiling.texels if settings.normal_mapping else 0,
         )
 
     def show(self, screen: moderngl.Framebuffer) -> None:

@@ -87,7 +87,8 @@ class ViewerWindow(WindowConfig):
 
     @property
     def _waits_for_work(self) -> bool:
-        return self._viewer.task is not None or self._chooser.waiting or self._viewport.is_baking
+        has_scene = self._viewer.scene is not None
+        return self._viewer.task is not None or self._chooser.waiting or (has_scene and self._viewport.is_baking)
 
     def _sleep(self) -> float:
         """Return how long the loop may wait for an event."""
@@ -145,7 +146,8 @@ class ViewerWindow(WindowConfig):
         screen.use()
         screen.viewport = (0, 0, *self._window.buffer_size)
         screen.clear(*EMPTY_COLOR)
-        self._viewport.show(screen)
+        if self._viewer.scene is not None:
+            self._viewport.show(screen)
         screen.use()
         self._gui.draw(self._describe)
         self._window.show_frame()
@@ -237,7 +239,7 @@ class ViewerWindow(WindowConfig):
 
     def _screenshot(self) -> None:
         try:
-            picture = self._viewport.picture()
+            picture = self._viewport.picture() if self._viewer.scene is not None else None
             if picture is None:
                 return
             self._viewer.state.say(f"Saved {save_screenshot(picture, datetime.now())}")

@@ -21,7 +21,7 @@ WIDEST = 12.0
 
 
 def stand_in(model: Model, surfels: int = SURFELS) -> PointCloud:
-    """Return about `surfels` of a model's primitives as a point cloud in the same model space; all, if it has fewer."""
+    """Return at most `surfels` of a model's primitives, drawn at random, as a point cloud in the same model space."""
     count = len(model.faces) if isinstance(model, Mesh) else len(model.positions)
     chosen = np.sort(np.random.default_rng(1).integers(0, count, min(surfels, count)))
     # What has been drawn twice is one.

@@ -32,6 +32,9 @@ MOST_FACES = 750_000
 # All textures of a model together may have so many: 256 MB. An image of a few kilobytes can hold a thousand times that.
 MOST_TEXELS = 1 << 26
 
+# What Pillow thinks of an image goes to the standard error where nobody else listens.
+logging.getLogger("PIL").addHandler(logging.NullHandler())
+
 # Texels that are converted at once.
 BAND = 1 << 22
 
@@ -59,8 +62,6 @@ def read_texture(path: Path, most: int = MOST_TEXELS) -> UInt8Array:
     """Read an image file of at most `most` texels as uint8 (H, W, 4) straight RGBA. Raises UnreadableFile."""
     from PIL import Image
 
-    # What Pillow thinks of an image goes to the standard error where nobody else listens.
-    logging.getLogger("PIL").addHandler(logging.NullHandler())
     name = path.name
     # Reading a pipe would wait for somebody to write, and a device may never end.
     if path.exists() and not path.is_file():

@@ -42,7 +42,7 @@ class TilePages:
         self._slot_of_node = np.full(nodes, NEVER, np.int32)
         self._node_in_slot = np.full((pages, self._side), NEVER, np.int32)
         self._drawn = np.full(pages, NEVER, np.int64)
-        self._frame = 1
+        self._frame = 0
 
     def _make(self, ctx: moderngl.Context, layers: int) -> None:
         """Make the textures, with as many layers as there is memory for."""
@@ -64,27 +64,37 @@ class TilePages:
         """How many tiles of one frame are taken in: some pages are half empty."""
         return max(3 * self._node_in_slot.size // 4, 1)
 
-    def missing(self, splats: UInt32Array) -> UInt32Array:
-        """Return the nodes among the splats (K,) of a cut whose tiles are not here and should be, largest first.
-
-        Not more than there is room for: the first nodes of a hierarchy are the largest.
-        """
+    def _nodes_of(self, splats: UInt32Array) -> UInt32Array:
+        """Return the nodes among splats (K,); where there is no room for all the first ones, which are the largest."""
         nodes = splats[splats < len(self._slot_of_node)]
         if len(nodes) > self.capacity:
             nodes = np.partition(nodes, self.capacity - 1)[: self.capacity]
+        return nodes
+
+    def mark(self, splats: UInt32Array) -> None:
+        """Count the tiles of a cut's splats (K,) as drawn now: others make room before these do."""
+        self._frame += 1
+        slots = self._slot_of_node[self._nodes_of(splats)]
+        self._drawn[slots[slots != NEVER] // self._side] = self._frame
+
+    def missing(self, splats: UInt32Array) -> UInt32Array:
+        """Return the nodes among the splats (K,) of a cut whose tiles are not here and should be, largest first."""
+        nodes = self._nodes_of(splats)
         return np.sort(nodes[self._slot_of_node[nodes] == NEVER])
 
-    def add(self, strips: TileStrips) -> None:
-        """Bring tiles to the GPU; pages that the last frame did not draw make room, as long as there are any."""
+    def add(self, strips: TileStrips) -> bool:
+        """Bring tiles to the GPU, in place of pages that were not drawn since the last `mark`; False: not all fit."""
         free = np.flatnonzero(self._drawn < self._frame)
-        if len(free) > len(strips.normals):
-            free = free[np.argpartition(self._drawn[free], len(strips.normals) - 1)[: len(strips.normals)]]
-        for strip, page in enumerate(np.sort(free).tolist()):
+        count = len(strips.normals)
+        if len(free) > count:
+            free = np.sort(free[np.argpartition(self._drawn[free], count - 1)[:count]])
+        for strip, page in enumerate(free.tolist()):
             evicted = self._node_in_slot[page]
-            self._slot_of_node[evicted[evicted != NEVER]] = NEVER
+            evicted = evicted[evicted != NEVER]
+            # What has been baked again lies elsewhere by now.
+            self._slot_of_node[evicted[self._slot_of_node[evicted] // self._side == page]] = NEVER
             nodes = strips.nodes[strip * self._side : (strip + 1) * self._side].astype(np.int32)
             self._node_in_slot[page] = NEVER
-            # Whoever is here already stays where it is; nobody asks for its tile twice but by chance.
             self._node_in_slot[page, : len(nodes)] = nodes
             self._slot_of_node[nodes] = page * self._side + np.arange(len(nodes), dtype=np.int32)
             self._drawn[page] = self._frame
@@ -92,18 +102,21 @@ class TilePages:
             self.normals.write(strips.normals[strip], place, alignment=1)
             if self.colors is not None and strips.colors is not None:
                 self.colors.write(strips.colors[strip], place, alignment=1)
+        return len(free) >= count
+
+    def clear(self) -> None:
+        """Forget all tiles."""
+        self._slot_of_node[:] = self._node_in_slot[:] = self._drawn[:] = NEVER
 
     def slots_of(self, splats: UInt32Array) -> Int32Array:
-        """Return where the tiles of a cut's splats lie in the textures, int32 (K,), -1 for those that are not here.
-
-        What is here is drawn now, for what counts as drawn last.
-        """
-        self._frame += 1
+        """Return where the tiles of a cut's splats lie in the textures, int32 (K,), -1 for those that are not here."""
         slots = np.full(len(splats), NEVER, np.int32)
         is_node = splats < len(self._slot_of_node)
-        slots[is_node] = self._slot_of_node[splats[is_node]]
-        self._drawn[slots[slots != NEVER] // self._side] = self._frame
         self.untiled = max(int(np.count_nonzero(is_node)) - self.capacity, 0)
+        if self.untiled:
+            # A tile that is still here from an earlier frame does not count: pictures shall not depend on the past.
+            is_node &= splats <= self._nodes_of(splats).max()
+        slots[is_node] = self._slot_of_node[splats[is_node]]
         return slots
 
     @property

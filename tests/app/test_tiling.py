@@ -103,11 +103,57 @@ def test_pictures_are_those_of_all_tiles_once_those_of_the_cut_are_there(rendere
 def test_last_tiles_are_drawn_with_until_those_of_another_size_are_there(renderer, hierarchy):
     tiling, cut = Tiling(renderer, lambda: None), cut_of(hierarchy)
     wait_for_all(tiling, hierarchy, 4, cut)
-    assert tiling.shown == 4
+    assert tiling.texels == 4
     assert tiling.follow(hierarchy, 16, cut) > 0
-    assert tiling.shown == 4
+    assert tiling.texels == 4
+    # Whoever changes his mind has lost nothing.
+    assert tiling.follow(hierarchy, 4, cut) == 0
     wait_for_all(tiling, hierarchy, 16, cut)
-    assert tiling.shown == 16
+    assert tiling.texels == 16
+    tiling.close()
+
+
+def test_nothing_is_left_to_do_once_no_tiles_are_wanted(renderer, hierarchy):
+    """Normal mapping is switched off while tiles are baked: of news that nobody takes the window would draw for ever."""
+    tiling, cut = Tiling(renderer, lambda: None), cut_of(hierarchy)
+    assert tiling.follow(hierarchy, 16, cut) > 0
+    time.sleep(0.05)
+    assert tiling.follow(hierarchy, 0, cut) == 0
+    time.sleep(0.1)
+    assert not tiling.has_news
+    assert not tiling.busy
+    wait_for_all(tiling, hierarchy, 16, cut)
+    tiling.close()
+
+
+def test_pages_that_are_half_empty_are_packed_when_they_run_out(renderer, hierarchy, monkeypatch):
+    """Every small step of an orbit took a page for a few tiles; when there was none left the same tiles were baked for
+    ever."""
+    renderer.limits = replace(renderer.limits, tile_bytes=1)
+    tiling = Tiling(renderer, lambda: None)
+    whole = cut_of(hierarchy)
+    nodes = whole.splats[whole.splats < hierarchy.node_count]
+    assert len(nodes) > 180
+    for last in range(1, 181, 3):
+        # A tile more than there was, on a page of its own.
+        cut = replace(whole, splats=nodes[:last], silhouette_splats=0)
+        wait_for_all(tiling, hierarchy, 64, cut)
+    assert not tiling.busy
+    tiling.close()
+
+
+def test_cut_larger_than_the_memory_gets_tiles_for_its_largest_splats(renderer, hierarchy):
+    renderer.limits = replace(renderer.limits, tile_bytes=1)
+    tiling = Tiling(renderer, lambda: None)
+    for distance in (6.0, 2.0, 3.0):
+        cut = cut_of(hierarchy, distance=distance)
+        wait_for_all(tiling, hierarchy, 64, cut)
+        slots = tiling._shown.pages.slots_of(cut.splats)
+        nodes = np.sort(cut.splats[cut.splats < hierarchy.node_count])
+        assert np.array_equal(np.sort(cut.splats[slots >= 0]), nodes[:192])
+    assert tiling._shown.pages.untiled > 0
+    # Not all are there, nor will they be.
+    assert tiling.texels == 0
     tiling.close()
 
 
@@ -138,18 +184,29 @@ def test_least_recently_drawn_pages_make_room(renderer, hierarchy):
     nodes = np.arange(hierarchy.node_count, dtype=np.uint32)
     assert len(pages.missing(nodes)) == pages.capacity == 192
     for first in range(0, 256, 16):
-        pages.add(baker.strips(nodes[first : first + 16]))
-        pages.slots_of(nodes[first : first + 16])
+        pages.mark(nodes[first : first + 16])
+        assert pages.add(baker.strips(nodes[first : first + 16]))
     assert len(pages.missing(nodes[:192])) == 0
-    # The oldest page goes; what the last frame drew stays even if there is no other.
-    pages.add(baker.strips(nodes[256:272]))
+    # The oldest page goes; what is drawn stays even if there is no other.
+    pages.mark(nodes[240:256])
+    assert pages.add(baker.strips(nodes[256:272]))
     assert pages.missing(nodes[:32]).tolist() == list(range(16))
     assert len(pages.missing(nodes[32:192])) == 0
-    assert (pages.slots_of(nodes[16:272]) >= 0).all()
-    pages.add(baker.strips(nodes[272:288]))
-    assert len(pages.missing(nodes[272:288])) == 16
-    assert (pages.slots_of(nodes[16:272]) >= 0).all()
-    assert pages.untiled == 256 - pages.capacity
+    pages.mark(nodes[16:208])
+    for first in (272, 288, 304, 320):
+        assert pages.add(baker.strips(nodes[first : first + 16]))
+    assert not pages.add(baker.strips(nodes[336:352]))
+    assert len(pages.missing(nodes[16:208])) == 0
+    assert len(pages.missing(nodes[336:352])) == 16
+    # What is baked twice moves, and is not lost with the page where it was.
+    pages.clear()
+    pages.mark(nodes[:16])
+    assert pages.add(baker.strips(nodes[:16]))
+    assert pages.add(baker.strips(nodes[:16]))
+    pages.mark(nodes[:16])
+    for first in range(16, 256, 16):
+        assert pages.add(baker.strips(nodes[first : first + 16]))
+    assert len(pages.missing(nodes[:16])) == 0
     pages.release()
 
 
