@@ -114,7 +114,7 @@ def test_last_tiles_are_drawn_with_until_those_of_another_size_are_there(rendere
 
 
 def test_nothing_is_left_to_do_once_no_tiles_are_wanted(renderer, hierarchy):
-    """Normal mapping is switched off while tiles are baked: of news that nobody takes the window would draw for ever."""
+    """Normal mapping is switched off while tiles are baked: the window would draw for ever."""
     tiling, cut = Tiling(renderer, lambda: None), cut_of(hierarchy)
     assert tiling.follow(hierarchy, 16, cut) > 0
     time.sleep(0.05)
