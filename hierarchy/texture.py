@@ -45,6 +45,9 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "TGA", "WEBP", "GIF", "JPEG2000", "PPM"
 # repeats is worth more, but one that repeats a million times shows nothing, and a million needles take a minute.
 FACES_FOR_ANY = 20_000
 
+# What lies on a texture more often than that is worth no more faces.
+MOST_COPIES = 16
+
 # Texels along a side of the squares in which a texture is looked at for whether it has more than one colour.
 VARIED_BLOCK = 64
 
@@ -192,7 +195,8 @@ def _faces_for(textures: Sequence[UInt8Array], varied: Sequence[int], copies: Se
     """Return how many faces a model may be split into for its textures, of which so many texels are varied."""
     # What is a strip makes needles; a square of four times its width is enough for them.
     worth: int = sum(
-        count * min(v, 16 * int(min(t.shape[:2])) ** 2) for v, t, count in zip(varied, textures, copies, strict=True)
+        min(count, MOST_COPIES) * min(v, 16 * int(min(t.shape[:2])) ** 2)
+        for v, t, count in zip(varied, textures, copies, strict=True)
     )
     return min(MOST_FACES, FACES_FOR_ANY + 2 * worth)
 

@@ -17,11 +17,11 @@ SHARES = {"PLY": 11, "OBJ": 9, "images as textures": 5, "STL": 4, "points as tex
           "glTF": 1.5, "GLB": 1.5, "3MF": 1.5, "OFF": 1, "COLLADA": 1, "archives of models": 0.5}  # fmt: skip
 
 # One of so many is drawn.
-DRAWN = 40
+DRAWN = 100
 # One of so many becomes a point hierarchy, for which a few large triangles are cut into 100,000 discs.
-POINTS = 199
+POINTS = 499
 # One of so many is read by a child process as it always is, which takes a second to start.
-REAL = 199
+REAL = 499
 
 
 def damaged(seeds: list[Seed], seed: int, cases: int) -> Iterator[Trial]:
