@@ -50,3 +50,24 @@ def shared_models():
     if not SHARED_MODELS.is_dir():
         pytest.skip(f"the folder of real models is absent: {SHARED_MODELS}")
     return SHARED_MODELS
+
+
+@pytest.fixture(scope="session")
+def gl_context():
+    """An OpenGL context for all tests that draw; they are skipped where there is none."""
+    from renderer.context import ContextError, create_headless_context
+
+    try:
+        context = create_headless_context()
+    except ContextError as error:
+        pytest.skip(str(error))
+    yield context
+    context.release()
+
+
+@pytest.fixture
+def ctx(gl_context):
+    """The context of the session, current for one test: other tests have contexts of their own."""
+    with gl_context:
+        yield gl_context
+        assert gl_context.error == "GL_NO_ERROR"

@@ -15,7 +15,6 @@ from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import TileBaker, bake_tiles
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import look_at
-from renderer.context import ContextError, create_headless_context
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture
@@ -28,23 +27,12 @@ def hierarchy():
     return build_hierarchy(make_meteoroid(20_000))
 
 
-@pytest.fixture(scope="module")
-def ctx():
-    try:
-        context = create_headless_context()
-    except ContextError as error:
-        pytest.skip(str(error))
-    yield context
-    context.release()
-
-
 @pytest.fixture
 def renderer(ctx, hierarchy):
-    with ctx:
-        renderer = Renderer(ctx)
-        renderer.set_hierarchy(hierarchy)
-        yield renderer
-        renderer.release()
+    renderer = Renderer(ctx)
+    renderer.set_hierarchy(hierarchy)
+    yield renderer
+    renderer.release()
 
 
 def view_of(hierarchy, turn=0.0, distance=3.0):

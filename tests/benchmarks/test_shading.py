@@ -16,30 +16,12 @@ from benchmarks.reference import cast
 from benchmarks.shading import PictureShader, cast_with_picture, light_source
 from hierarchy.model import BoolArray, Float32Array, Mesh, UInt8Array
 from hierarchy.view import look_at
-from renderer.context import ContextError, create_headless_context
 from renderer.resolve_passes import Resolve
 from renderer.settings import Settings
 from renderer.targets import Targets
 
 WIDTH, HEIGHT = 60, 44
 VIEW = look_at((1, 2, 3), (0, 0, 0), (0, 1, 0), math.radians(40), (WIDTH, HEIGHT), bounds=((0, 0, 0), 2.0))
-
-
-@pytest.fixture(scope="module")
-def gl_context() -> Iterator[moderngl.Context]:
-    try:
-        context = create_headless_context()
-    except ContextError as error:
-        pytest.skip(str(error))
-    yield context
-    context.release()
-
-
-@pytest.fixture
-def ctx(gl_context: moderngl.Context) -> Iterator[moderngl.Context]:
-    with gl_context:
-        yield gl_context
-        assert gl_context.error == "GL_NO_ERROR"
 
 
 @pytest.fixture

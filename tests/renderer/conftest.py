@@ -1,4 +1,4 @@
-"""One OpenGL context for all tests of the renderer, and small models to draw."""
+"""What the tests of the renderer share: a renderer, and small models to draw."""
 
 from __future__ import annotations
 
@@ -13,28 +13,9 @@ from hierarchy.lod import Cut, select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.view import View
-from renderer.context import ContextError, create_headless_context
 from renderer.frame import Frame
 from renderer.renderer import Renderer
 from renderer.settings import Settings
-
-
-@pytest.fixture(scope="session")
-def gl_context() -> Iterator[moderngl.Context]:
-    try:
-        context = create_headless_context()
-    except ContextError as error:
-        pytest.skip(str(error))
-    yield context
-    context.release()
-
-
-@pytest.fixture
-def ctx(gl_context: moderngl.Context) -> Iterator[moderngl.Context]:
-    """The context of the session, current for one test: other tests have contexts of their own."""
-    with gl_context:
-        yield gl_context
-        assert gl_context.error == "GL_NO_ERROR"
 
 
 @pytest.fixture

@@ -13,7 +13,6 @@ from hypothesis import HealthCheck, settings
 from ledger import Ledger, fill_in
 from stage import Stage
 
-from renderer.context import ContextError, create_headless_context
 from renderer.renderer import Renderer
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "numerics.md"
@@ -53,24 +52,6 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
 def laws(pytestconfig: pytest.Config) -> settings:
     """Settings of hypothesis for properties that a test defines inside itself: `@laws @given(...) def law(...)`."""
     return ALL if pytestconfig.getoption("--stress") else FAST
-
-
-@pytest.fixture(scope="session")
-def gl_context() -> Iterator[moderngl.Context]:
-    try:
-        context = create_headless_context()
-    except ContextError as error:
-        pytest.skip(str(error))
-    yield context
-    context.release()
-
-
-@pytest.fixture
-def ctx(gl_context: moderngl.Context) -> Iterator[moderngl.Context]:
-    """The context of the session, current for one test: other tests have contexts of their own."""
-    with gl_context:
-        yield gl_context
-        assert gl_context.error == "GL_NO_ERROR"
 
 
 @pytest.fixture
