@@ -24,7 +24,7 @@ class Keeper:
         self._stopped = threading.Event()
 
     def keep(self, scene: Scene) -> None:
-        """Put a scene into the cache, and the tiles that it has."""
+        """Put a scene into the cache."""
         self._scenes.put(scene)
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="surfelscope-keep", daemon=True)

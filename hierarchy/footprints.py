@@ -10,7 +10,8 @@ cone of the node alone.
 
 A disc's neighbours come from its parent's (near_nodes.py), and a subtree is looked into only where it can widen the
 cone or raise the relief. Where very many primitives lie under one disc, as in a fan of a million triangles, whole
-subtrees are taken for what bounds them. So cone and relief may be larger than they need be, never smaller.
+subtrees are taken for what bounds them. So cone and relief may be larger than they need be. Not smaller, but for one
+thing: a subtree that is taken so may come near a rim that only its parts beyond the disc, or facing away, are near to.
 """
 
 from __future__ import annotations

@@ -20,7 +20,6 @@ from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.view import View, look_at
 from renderer.allocation import GpuError
-from renderer.context import ContextError, create_headless_context
 from renderer.limits import Limits, blends_floats, probe_limits
 from renderer.renderer import Renderer
 from renderer.settings import Settings
@@ -29,23 +28,6 @@ from renderer.tile_slots import TileSlots
 
 SIZE = (96, 72)
 SMALL = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
-
-
-@pytest.fixture(scope="module")
-def context() -> Iterator[moderngl.Context]:
-    try:
-        made = create_headless_context()
-    except ContextError as error:
-        pytest.skip(str(error))
-    yield made
-    made.release()
-
-
-@pytest.fixture
-def ctx(context: moderngl.Context) -> Iterator[moderngl.Context]:
-    with context:
-        yield context
-        assert context.error == "GL_NO_ERROR"
 
 
 @pytest.fixture(scope="module")
