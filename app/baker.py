@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hierarchy.model import UInt32Array
+from hierarchy.model import Int32Array, UInt32Array
 
 if TYPE_CHECKING:
-    from hierarchy.normal_tiles import TileBaker, TileStrips
+    from hierarchy.normal_tiles import FittedTiles, TileBaker
 
-# Tiles that a thread bakes at once, and no fewer than a strip has: some 5 ms of work.
+# Tiles that a thread bakes at once: some 5 ms of work.
 BLOCK = 256
+NOTHING = np.empty(0, np.uint32), np.empty(0, np.int32)
 
 
 class Baker:
@@ -31,10 +32,11 @@ class Baker:
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
         self._tiles: TileBaker | None = None
-        self._waiting: UInt32Array = np.empty(0, np.uint32)
+        # Nodes, and as how many texels a side their tiles are baked.
+        self._waiting: tuple[UInt32Array, Int32Array] = NOTHING
         self._in_hand: dict[int, tuple[TileBaker, UInt32Array]] = {}
         # Of self._tiles, and nobody else's.
-        self._baked: list[TileStrips] = []
+        self._baked: list[FittedTiles] = []
         self._error: BaseException | None = None
         self._closed = False
 
@@ -48,17 +50,21 @@ class Baker:
         """Something is wanted and not yet taken."""
         with self._changed:
             in_hand = any(tiles is self._tiles for tiles, _ in self._in_hand.values())
-            return self.has_baked or in_hand or len(self._waiting) > 0
+            return self.has_baked or in_hand or len(self._waiting[0]) > 0
 
-    def want(self, tiles: TileBaker, nodes: UInt32Array) -> None:
-        """Bake the tiles of these nodes next, uint32 (K,), the first ones first; and no others."""
+    def want(self, tiles: TileBaker, nodes: UInt32Array, most: Int32Array) -> None:
+        """Bake the tiles of these nodes next, the first ones first; and no others.
+
+        nodes, most : as in `TileBaker.fitted`
+        """
         with self._changed:
             if self._tiles is not tiles:
                 self._drop()
             in_hand = [nodes for owner, nodes in self._in_hand.values() if owner is tiles]
             if in_hand:
-                nodes = nodes[~np.isin(nodes, np.concatenate(in_hand))]
-            self._tiles, self._waiting = tiles, nodes
+                free = ~np.isin(nodes, np.concatenate(in_hand))
+                nodes, most = nodes[free], most[free]
+            self._tiles, self._waiting = tiles, (nodes, most)
             while len(nodes) > 0 and len(self._threads) < self._count:
                 name = f"surfelscope-bake-{len(self._threads)}"
                 thread = threading.Thread(target=self._run, args=(len(self._threads),), name=name, daemon=True)
@@ -66,7 +72,7 @@ class Baker:
                 thread.start()
             self._changed.notify_all()
 
-    def take(self, tiles: TileBaker) -> list[TileStrips]:
+    def take(self, tiles: TileBaker) -> list[FittedTiles]:
         """Return what has been baked of `tiles` since the last call; raises what baking raised."""
         with self._changed:
             if tiles is not self._tiles:
@@ -84,23 +90,23 @@ class Baker:
 
     def _drop(self) -> None:
         self._tiles, self._error = None, None
-        self._waiting, self._baked = self._waiting[:0], []
+        self._waiting, self._baked = NOTHING, []
 
     def close(self) -> None:
         """Stop; whoever is baking finishes its block first."""
         with self._changed:
             self._closed = True
-            self._waiting = self._waiting[:0]
+            self._waiting = NOTHING
             self._changed.notify_all()
         for thread in self._threads:
             thread.join()
 
     def _run(self, number: int) -> None:
         while (work := self._next(number)) is not None:
-            tiles, nodes = work
-            strips, error = None, None
+            tiles, nodes, most = work
+            baked, error = None, None
             try:
-                strips = tiles.strips(nodes)
+                baked = tiles.fitted(nodes, most)
             except BaseException as problem:
                 # Whatever it is: the thread that draws decides what to do about it.
                 error = problem
@@ -108,22 +114,21 @@ class Baker:
                 del self._in_hand[number]
                 if tiles is not self._tiles:
                     continue
-                if strips is not None:
-                    self._baked.append(strips)
+                if baked is not None:
+                    self._baked.append(baked)
                 else:
-                    self._error, self._waiting = error, self._waiting[:0]
+                    self._error, self._waiting = error, NOTHING
             self._wake()
 
-    def _next(self, number: int) -> tuple[TileBaker, UInt32Array] | None:
+    def _next(self, number: int) -> tuple[TileBaker, UInt32Array, Int32Array] | None:
         """Wait for work and take some of it in hand; None: there will be none."""
         with self._changed:
-            while not self._closed and len(self._waiting) == 0:
+            while not self._closed and len(self._waiting[0]) == 0:
                 self._changed.wait()
             if self._closed:
                 return None
             assert self._tiles is not None
-            # Full strips, as a page of the GPU's is never shared by two blocks.
-            block = self._tiles.tiles_of_strip * max(1, BLOCK // self._tiles.tiles_of_strip)
-            self._in_hand[number] = self._tiles, self._waiting[:block]
-            self._waiting = self._waiting[block:]
-            return self._in_hand[number]
+            nodes, most = self._waiting
+            self._waiting = nodes[BLOCK:], most[BLOCK:]
+            self._in_hand[number] = self._tiles, nodes[:BLOCK]
+            return self._tiles, nodes[:BLOCK], most[:BLOCK]

@@ -1,4 +1,4 @@
-"""The cache: hierarchies and tiles of models that have been opened before.
+"""The cache: hierarchies of models that have been opened before.
 
 What a hierarchy is called follows from what it was made of: the bytes of the model's file and of every file that it
 refers to, how it was built, and the code that built it (inputs.py). So nothing in the cache is ever out of date, only
@@ -21,18 +21,16 @@ from hierarchy.atomic_file import sweep
 if TYPE_CHECKING:
     from app.scene import ModelSource
     from hierarchy.hierarchy import Hierarchy
-    from hierarchy.normal_tiles import NormalTiles
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A hierarchy out of the cache, the notes that were kept with it, and what its entry is called."""
+    """A hierarchy out of the cache, and the notes that were kept with it."""
 
     hierarchy: Hierarchy
     notes: dict[str, str]
-    entry: str
 
 
 class Cache:
@@ -64,25 +62,6 @@ class Cache:
             self._complain("not used", error)
         return None
 
-    def find_tiles(self, entry: str, texels: int, hierarchy: Hierarchy) -> NormalTiles | None:
-        """Map the tiles, `texels` a side, of an entry's hierarchy; None: they have to be baked."""
-        from hierarchy.store import load_tiles
-        from hierarchy.tensor_file import DamagedFile
-
-        path = self._path(entry, texels)
-        try:
-            tiles = load_tiles(path, hierarchy)
-            if tiles.texels != texels:
-                raise DamagedFile("its tiles are of another size")
-        except FileNotFoundError:
-            return None
-        except (DamagedFile, OSError, MemoryError) as error:
-            self._complain(f"{path.name} is not used", error)
-            return None
-        touch(path)
-        self._say("cache: found the normal tiles")
-        return tiles
-
     def entry(self, source: ModelSource, inputs: Inputs) -> tuple[str, dict[str, str]]:
         """Return what to call that which was built from the inputs, "": it cannot be kept; and the notes to keep."""
         if source.path is None:
@@ -98,36 +77,25 @@ class Cache:
         notes = {"references": json.dumps(references)}
         return entry_of(source, inputs.model.state.size, model, texture, references), notes
 
-    def keep(self, entry: str, hierarchy: Hierarchy, notes: Mapping[str, str], progress: Progress) -> bool:
-        """Write a hierarchy and notes to the cache, those of `entry` among them; False: that did not work.
+    def keep(self, entry: str, hierarchy: Hierarchy, notes: Mapping[str, str], progress: Progress) -> None:
+        """Write a hierarchy and notes to the cache, those of `entry` among them.
 
         progress : called with the fraction written; an exception that it raises ends the work and is passed on
         """
         from hierarchy.store import save_hierarchy
 
-        return self._keep(
-            self._path(entry), hierarchy.nbytes, lambda path: save_hierarchy(path, hierarchy, notes, progress)
-        )
-
-    def keep_tiles(self, entry: str, tiles: NormalTiles, progress: Progress) -> bool:
-        """Write the tiles of an entry's hierarchy to the cache; as in `keep`."""
-        from hierarchy.store import save_tiles
-
-        size = tiles.normals.nbytes + (0 if tiles.colors is None else tiles.colors.nbytes)
-        return self._keep(self._path(entry, tiles.texels), size, lambda path: save_tiles(path, tiles, progress))
-
-    def _keep(self, path: Path, size: int, save: Callable[[Path], int]) -> bool:
         try:
             self._make_folder()
-            if not make_room(self.folder, size, self._most_bytes):
-                self._say(f"cache: not kept, {size / 1e6:.0f} MB are too many for it or for the disk")
-                return False
-            written = save(path)
+            if not make_room(self.folder, hierarchy.nbytes, self._most_bytes):
+                size = hierarchy.nbytes / 1e6
+                self._say(f"cache: not kept, {size:.0f} MB are too many for it or for the disk")
+                return
+            path = self.folder / f"{entry}.safetensors"
+            written = save_hierarchy(path, hierarchy, notes, progress)
         except (OSError, ValueError, MemoryError) as error:
             self._complain("not kept", error)
-            return False
+            return
         self._say(f"cache: kept {written / 1e6:.1f} MB in {path}")
-        return True
 
     def _start_of_entry(self, source: ModelSource, known: KnownDigests | None) -> str:
         """Return what the names of a model's entries begin with, "": there are none. Raises OSError."""
@@ -163,10 +131,7 @@ class Cache:
             return None
         touch(path)
         self._say(f"cache: found in {path}")
-        return Found(hierarchy, notes, path.name.removesuffix(".safetensors"))
-
-    def _path(self, entry: str, texels: int | None = None) -> Path:
-        return self.folder / (f"{entry}.safetensors" if texels is None else f"{entry}.tiles{texels}.safetensors")
+        return Found(hierarchy, notes)
 
     def _make_folder(self) -> None:
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from app.cache_command import user_cache
 from app.memory import peak_memory_mb
 from app.options import Options
 from app.progress import Reporter
 from app.scene import ModelSource, Scene, keep_scene, open_scene
-from app.statistics import scene_statistics
+from app.statistics import scene_statistics, tile_statistics
+
+if TYPE_CHECKING:
+    from hierarchy.normal_tiles import TileCount
 
 
 def run_info(options: Options) -> None:
@@ -19,32 +24,44 @@ def run_info(options: Options) -> None:
     reporter = Reporter(options.verbose)
     cache = user_cache(options, reporter.say)
     source = ModelSource(options.model, options.texture, options.points)
-    scene = open_scene(source, options.baked_texels, reporter.progress, cache=cache)
+    scene = open_scene(source, reporter.progress, cache=cache)
+    tiles, bake_s = None, 0.0
+    if options.baked_texels is not None:
+        from hierarchy.normal_tiles import count_tiles
+
+        start = time.perf_counter()
+        tiles = count_tiles(scene.hierarchy, options.baked_texels, reporter.progress)
+        bake_s = time.perf_counter() - start
     if options.json:
         # The warnings are in the description.
-        print(json.dumps(describe(scene), indent=2))
+        print(json.dumps(describe(scene, tiles, bake_s), indent=2))
     else:
         reporter.warnings(scene.hierarchy.warnings)
-        print(as_text(scene))
+        print(as_text(scene, tiles, bake_s))
     if cache is not None:
         # What was asked for comes first, whoever reads it.
         sys.stdout.flush()
         keep_scene(scene, cache)
 
 
-def describe(scene: Scene) -> dict[str, object]:
-    """Return everything that is known about a scene, ready for JSON."""
+def describe(scene: Scene, tiles: TileCount | None, bake_s: float) -> dict[str, object]:
+    """Return everything that is known about a scene, ready for JSON; as in `as_text`."""
     return {
         **asdict(scene.content),
         "warnings": list(scene.hierarchy.warnings),
         **scene_statistics(scene),
+        **tile_statistics(tiles, bake_s),
         "peak_memory_mb": peak_memory_mb(),
     }
 
 
-def as_text(scene: Scene) -> str:
-    """Return the description for people, a label and a value a line."""
-    content, hierarchy, tiles = scene.content, scene.hierarchy, scene.tiles
+def as_text(scene: Scene, tiles: TileCount | None, bake_s: float) -> str:
+    """Return the description for people, a label and a value a line.
+
+    tiles : of all nodes, None: they were not baked
+    bake_s : seconds that they took
+    """
+    content, hierarchy = scene.content, scene.hierarchy
     holds = f"{content.points:,} points"
     if content.kind == "mesh":
         side = "closed" if content.closed else "open"
@@ -60,8 +77,11 @@ def as_text(scene: Scene) -> str:
         f"{hierarchy.nbytes / 1e6:.1f} MB",
     }
     if tiles is not None:
-        lines["tiles"] = f"{tiles.count:,} of {tiles.texels} x {tiles.texels} normals, {tiles.nbytes / 1e6:.1f} MB"
-    lines["times"] = f"load {scene.load_s:.2f} s, build {scene.build_s:.2f} s, bake {scene.bake_s:.2f} s"
+        size = f"up to {tiles.texels} x {tiles.texels} normals, {tiles.nbytes / 1e6:.1f} MB"
+        lines["tiles"] = f"{tiles.tiles:,} for {tiles.nodes:,} nodes, of {size}"
+    lines["times"] = f"load {scene.load_s:.2f} s, build {scene.build_s:.2f} s"
+    if tiles is not None:
+        lines["times"] += f", bake {bake_s:.2f} s"
     peak = peak_memory_mb()
     if peak is not None:
         lines["memory"] = f"{peak:.0f} MB at most"

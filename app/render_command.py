@@ -17,8 +17,17 @@ from app.framing import frame_scene, view_of_pose
 from app.option_values import TEXELS
 from app.options import Options
 from app.progress import Reporter
-from app.scene import ModelSource, Scene, bake_scene, keep_scene, open_scene
-from app.statistics import FrameTimes, Radii, Shot, Statistic, draw_frames, frame_statistics, scene_statistics
+from app.scene import ModelSource, Scene, keep_scene, open_scene
+from app.statistics import (
+    FrameTimes,
+    Radii,
+    Shot,
+    Statistic,
+    draw_frames,
+    frame_statistics,
+    scene_statistics,
+    tile_statistics,
+)
 
 if TYPE_CHECKING:
     import moderngl
@@ -44,7 +53,7 @@ def run_render(options: Options) -> None:
     reporter = Reporter(options.verbose)
     cache = user_cache(options, reporter.say)
     source = ModelSource(options.model, options.texture, options.points)
-    scene = open_scene(source, None, reporter.progress, cache=cache)
+    scene = open_scene(source, reporter.progress, cache=cache)
     reporter.warnings(scene.hierarchy.warnings)
     statistics = draw_scene(scene, options, reporter)
     if options.json:
@@ -58,28 +67,28 @@ def run_render(options: Options) -> None:
 def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, Statistic]:
     """Draw a scene in a context of its own, write the outputs and return the statistics."""
     from renderer.context import create_headless_context
+    from renderer.cut_tiles import CutTiles
     from renderer.limits import probe_limits
     from renderer.renderer import Renderer
     from renderer.targets import make_picture
 
     shot, radii, texels = _prepare(scene, options, reporter)
-    if options.normal_mapping:
-        shot = _bake(shot, radii, texels, options, reporter)
-    reporter.progress("Drawing", 0.0)
     ctx = create_headless_context()
     try:
         with graphics_errors():
             renderer = Renderer(ctx, probe_limits(ctx, options.tile_bytes))
-            renderer.set_hierarchy(shot.scene.hierarchy)
-            renderer.set_tiles(shot.scene.tiles)
+            renderer.set_hierarchy(scene.hierarchy)
+            tiles = CutTiles(renderer, scene.hierarchy, texels) if options.normal_mapping else None
+            shot = replace(shot, tiles=tiles)
             framebuffer = make_picture(ctx, renderer.limits, (shot.view.width, shot.view.height))
             coarseness = 1.0 if options.fps is None else _settle(renderer, framebuffer, shot, radii, options.fps)
             radii = coarsened(radii[0], coarseness), coarsened(radii[1], coarseness)
-            cut, times = draw_frames(renderer, framebuffer, shot, radii, options.frames)
+            cut, times = draw_frames(renderer, framebuffer, shot, radii, options.frames, reporter.progress)
             if options.fps is not None:
                 _warn_of_rate(times, options.fps, reporter)
             reporter.warnings(renderer.shortcomings)
-            statistics = scene_statistics(shot.scene) | frame_statistics(cut, times, renderer, ctx)
+            baked = tile_statistics(tiles, 0.0 if tiles is None else tiles.seconds)
+            statistics = scene_statistics(scene) | baked | frame_statistics(cut, times, renderer, ctx)
             picture = read_picture(framebuffer)
             # The arrays take another two passes.
             wants_arrays = any(not is_picture(path) for path in options.outputs)
@@ -91,7 +100,7 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
         if frame is None or is_picture(path):
             write_png(path, picture)
         else:
-            write_arrays(path, frame, shot.scene.hierarchy.scale)
+            write_arrays(path, frame, scene.hierarchy.scale)
         reporter.say(f"wrote {path}")
     return statistics | _goal_statistics(shot, cut, radii, coarseness) if options.json else statistics
 
@@ -123,16 +132,6 @@ def _prepare(scene: Scene, options: Options, reporter: Reporter) -> tuple[Shot, 
     return shot, (detail.r_sil, detail.r_inner), detail.texels
 
 
-def _bake(shot: Shot, radii: Radii, texels: int, options: Options, reporter: Reporter) -> Shot:
-    """Bake the tiles of the splats that the view draws: some thousands, where the model may have a million."""
-    nodes = None
-    # Which ones a rate needs is not known before it has been held.
-    if options.fps is None:
-        splats = shot.cut(radii).splats
-        nodes = splats[splats < shot.scene.hierarchy.node_count]
-    return replace(shot, scene=bake_scene(shot.scene, texels, reporter.progress, nodes=nodes))
-
-
 def _settle(
     renderer: Renderer, framebuffer: moderngl.Framebuffer, shot: Shot, radii: Radii, frames_per_second: float
 ) -> float:
@@ -158,7 +157,7 @@ def _warn_of_rate(times: list[FrameTimes], frames_per_second: float, reporter: R
 
 def _goal_statistics(shot: Shot, cut: Cut, radii: Radii, coarseness: float) -> dict[str, Statistic]:
     """Return what the frames were drawn with and which error is promised of that; None without normal mapping."""
-    tiles, promise = shot.scene.tiles, None
+    tiles, promise = shot.tiles, None
     if tiles is not None:
         from hierarchy.goals import promise_of_cut
 
@@ -180,7 +179,7 @@ def render_instead_of_window(options: Options, reason: str, output: Path) -> Non
     reporter = Reporter(options.verbose)
     cache = user_cache(options, reporter.say)
     source = ModelSource(options.model, options.texture, options.points)
-    scene = open_scene(source, None, reporter.progress, cache=cache)
+    scene = open_scene(source, reporter.progress, cache=cache)
     reporter.warnings(scene.hierarchy.warnings)
     draw_scene(scene, options, reporter)
     print(f"{reason}: the picture is in {output}")

@@ -10,14 +10,13 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from hierarchy.model import Mesh, Model, ModelError, Progress, UInt32Array, ignore_progress, in_file_space
+from hierarchy.model import Mesh, Model, ModelError, Progress, ignore_progress, in_file_space
 from hierarchy.plain_text import plain_line
 
 if TYPE_CHECKING:
     from app.cache import Cache
     from app.inputs import Inputs
     from hierarchy.hierarchy import Hierarchy
-    from hierarchy.normal_tiles import NormalTiles
 
 T = TypeVar("T")
 
@@ -27,7 +26,7 @@ Z_UP_SUFFIXES = (".las", ".laz")
 # Triangles or points from which on a hierarchy takes so long to build that a coarse one is shown before: two seconds.
 WORTH_A_STAND_IN = 1_000_000
 
-# Seconds that building or baking has to take to be worth keeping.
+# Seconds that building has to take to be worth keeping.
 WORTH_KEEPING = 0.05
 
 
@@ -74,19 +73,15 @@ class Content:
 class Provenance:
     """Where a hierarchy comes from; all scenes with that hierarchy share it.
 
-    inputs : the files that it was built from, None: it was in the cache
-    entry : what the cache calls it, "": not known, or not to be kept
-    kept : for what of it nothing is left to do for the cache: "hierarchy", and w_s of tiles
+    inputs : the files that it was built from, None: there is nothing left to do for the cache
     """
 
     inputs: Inputs | None
-    entry: str = ""
-    kept: set[str | int] = field(default_factory=set)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A model that is ready to be drawn; times in seconds. `tiles` is None until they are baked.
+    """A model that is ready to be drawn; times in seconds.
 
     load_s : the file's, or the cache's where the hierarchy was in it; nothing is built then, and `build_s` is 0
     """
@@ -94,76 +89,41 @@ class Scene:
     source: ModelSource
     content: Content
     hierarchy: Hierarchy
-    tiles: NormalTiles | None
     load_s: float
     build_s: float
-    bake_s: float
     provenance: Provenance = field(default_factory=lambda: Provenance(None))
 
 
 def open_scene(
     source: ModelSource,
-    texels: int | None,
     progress: Progress = ignore_progress,
     *,
     cache: Cache | None = None,
     show: Callable[[Scene], None] | None = None,
 ) -> Scene:
-    """Load a model, build its hierarchy and bake its normal tiles, or take from the cache what is in it.
+    """Load a model and build its hierarchy, or take that from the cache.
 
-    texels : along one side of a tile; None: bake no tiles
     progress : may raise `Cancelled`
     show : called with a coarse stand-in for the scene as soon as there is one, where the rest takes long; None: nobody
         wants to see it
     Raises ModelError.
     """
     scene = _find(source, cache)
-    if scene is None:
-        scene = _build(source, progress, show)
-    return scene if texels is None else bake_scene(scene, texels, progress, cache=cache)
-
-
-def bake_scene(
-    scene: Scene,
-    texels: int,
-    progress: Progress = ignore_progress,
-    *,
-    nodes: UInt32Array | None = None,
-    cache: Cache | None = None,
-) -> Scene:
-    """Return the scene with tiles of `texels` x `texels` normals; progress may raise `Cancelled`.
-
-    nodes : uint32 (K,), bake the tiles of these nodes only; None: of all, or take them from the cache
-    """
-    provenance = scene.provenance
-    if cache is not None and nodes is None and provenance.entry:
-        found, find_s = _timed(lambda: cache.find_tiles(provenance.entry, texels, scene.hierarchy))
-        if found is not None:
-            provenance.kept.add(texels)
-            return replace(scene, tiles=found, bake_s=find_s)
-    from hierarchy.normal_tiles import bake_tiles
-
-    tiles, bake_s = _timed(lambda: bake_tiles(scene.hierarchy, texels, nodes=nodes, progress=progress))
-    return replace(scene, tiles=tiles, bake_s=bake_s)
+    return _build(source, progress, show) if scene is None else scene
 
 
 def keep_scene(scene: Scene, cache: Cache, progress: Callable[[float], None] = lambda fraction: None) -> None:
-    """Put into the cache what took long to make and is not there: the hierarchy, and the tiles of all nodes.
+    """Put a hierarchy into the cache that took long to make and is not there.
 
     progress : called now and then; an exception that it raises ends the work and is passed on
     """
-    provenance, tiles = scene.provenance, scene.tiles
+    provenance = scene.provenance
     if provenance.inputs is not None and scene.load_s + scene.build_s > WORTH_KEEPING:
         inputs, provenance.inputs = provenance.inputs, None
-        provenance.entry, notes = cache.entry(scene.source, inputs)
+        entry, notes = cache.entry(scene.source, inputs)
         notes["content"] = json.dumps(asdict(scene.content))
-        if provenance.entry and not cache.keep(provenance.entry, scene.hierarchy, notes, progress):
-            provenance.entry = ""
-    if tiles is None or not provenance.entry or tiles.texels in provenance.kept:
-        return
-    if tiles.count == scene.hierarchy.node_count and scene.bake_s > WORTH_KEEPING:
-        provenance.kept.add(tiles.texels)
-        cache.keep_tiles(provenance.entry, tiles, progress)
+        if entry:
+            cache.keep(entry, scene.hierarchy, notes, progress)
 
 
 def _find(source: ModelSource, cache: Cache | None) -> Scene | None:
@@ -176,7 +136,7 @@ def _find(source: ModelSource, cache: Cache | None) -> Scene | None:
         return None
     name = found.hierarchy.name if source.path is None else plain_line(source.path.name)
     hierarchy = replace(found.hierarchy, name=name)
-    return Scene(source, content, hierarchy, None, find_s, 0.0, 0.0, Provenance(None, found.entry))
+    return Scene(source, content, hierarchy, find_s, 0.0, Provenance(None))
 
 
 def _build(source: ModelSource, progress: Progress, show: Callable[[Scene], None] | None) -> Scene:
@@ -191,9 +151,9 @@ def _build(source: ModelSource, progress: Progress, show: Callable[[Scene], None
         # Without a stand-in it has to do, too.
         with suppress(MemoryError):
             coarse, coarse_s = _timed(lambda: build_hierarchy(stand_in(model), progress=progress))
-            show(Scene(source, _content(model), coarse, None, load_s, coarse_s, 0.0))
+            show(Scene(source, _content(model), coarse, load_s, coarse_s))
     hierarchy, build_s = _timed(lambda: build_hierarchy(model, points=source.points, progress=progress))
-    return Scene(source, _content(model), hierarchy, None, load_s, build_s, 0.0, Provenance(inputs))
+    return Scene(source, _content(model), hierarchy, load_s, build_s, Provenance(inputs))
 
 
 def _content_of_notes(notes: Mapping[str, str]) -> Content | None:

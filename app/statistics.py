@@ -11,10 +11,13 @@ import moderngl
 
 from app.memory import peak_memory_mb
 from app.scene import Scene
+from hierarchy.model import Progress, ignore_progress
 from hierarchy.view import View
 
 if TYPE_CHECKING:
     from hierarchy.lod import Cut
+    from hierarchy.normal_tiles import TileCount
+    from renderer.cut_tiles import CutTiles
     from renderer.renderer import Renderer
     from renderer.settings import Settings
 
@@ -47,12 +50,14 @@ class Shot:
     """All that a picture depends on but the radii of its splats.
 
     printed_cone_test : tell the silhouette by the test as printed in the paper
+    tiles : None: it is drawn without
     """
 
     scene: Scene
     view: View
     settings: Settings
     printed_cone_test: bool = False
+    tiles: CutTiles | None = None
 
     def cut(self, radii: Radii) -> Cut:
         """Choose the level of detail."""
@@ -68,9 +73,14 @@ class Shot:
 
 
 def draw_frames(
-    renderer: Renderer, framebuffer: moderngl.Framebuffer, shot: Shot, radii: Radii, count: int
+    renderer: Renderer, framebuffer: moderngl.Framebuffer, shot: Shot, radii: Radii, count: int, progress: Progress = ignore_progress
 ) -> tuple[Cut, list[FrameTimes]]:
-    """Draw the same frame `count` times, each from the selection on; return the last cut and the times."""
+    """Draw the same frame `count` times, each from the selection on; return the last cut and the times.
+
+    Its tiles are baked before.
+    """
+    if shot.tiles is not None:
+        shot.tiles.bring(shot.cut(radii), shot.view, progress)
     times = []
     for _ in range(count):
         start = time.perf_counter()
@@ -85,19 +95,25 @@ def draw_frames(
 
 def scene_statistics(scene: Scene) -> dict[str, Statistic]:
     """Return sizes and times of what was built."""
-    hierarchy, tiles = scene.hierarchy, scene.tiles
+    hierarchy = scene.hierarchy
     return {
         "model": hierarchy.name,
         "base_primitives": hierarchy.leaf_count,
         "base_kind": hierarchy.leaf_kind,
         "nodes": hierarchy.node_count,
         "hierarchy_bytes": hierarchy.nbytes,
-        "tiles": tiles.count if tiles else 0,
-        "tile_texels": tiles.texels if tiles else 0,
-        "tile_bytes": tiles.nbytes if tiles else 0,
         "load_s": round(scene.load_s, 4),
         "build_s": round(scene.build_s, 4),
-        "bake_s": round(scene.bake_s, 4),
+    }
+
+
+def tile_statistics(tiles: TileCount | CutTiles | None, bake_s: float) -> dict[str, Statistic]:
+    """Return sizes and times of the tiles that were baked; None: none were."""
+    return {
+        "tiles": tiles.tiles if tiles else 0,
+        "tile_texels": tiles.texels if tiles else 0,
+        "tile_bytes": tiles.nbytes if tiles else 0,
+        "bake_s": round(bake_s, 4),
     }
 
 

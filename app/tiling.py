@@ -10,6 +10,7 @@ from app.errors import unforeseen
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import TileBaker
+from hierarchy.view import View
 from renderer.allocation import GpuError
 from renderer.renderer import Renderer
 from renderer.tile_pages import TilePages
@@ -63,18 +64,19 @@ class Tiling:
         self._renderer.set_tiles(None)
         self._shown = self._refused = None
 
-    def follow(self, hierarchy: Hierarchy, texels: int, cut: Cut) -> int:
+    def follow(self, hierarchy: Hierarchy, texels: int, cut: Cut, view: View) -> int:
         """Bring what has been baked to the GPU, and have baked what a cut still needs; return how many tiles that is.
 
-        texels : along one side of the tiles; 0: none are needed. The renderer's hierarchy is that of the cut. Until all
-        tiles of another size are there the last ones are drawn with.
+        texels : along one side of the tiles at most; 0: none are needed. The renderer's hierarchy is that of the cut.
+        Until all tiles of another size are there the last ones are drawn with.
+        view : what the cut is drawn with
         """
         if texels == 0 or (hierarchy, texels) == self._refused:
             self._baker.drop()
             return 0
         self._refused = None
         try:
-            return self._follow(hierarchy, texels, cut)
+            return self._follow(hierarchy, texels, cut, view)
         except GpuError as error:
             self._refuse(hierarchy, texels, f"OpenGL: {error}")
         except MemoryError:
@@ -83,17 +85,17 @@ class Tiling:
             self._refuse(hierarchy, texels, unforeseen(error))
         return 0
 
-    def _follow(self, hierarchy: Hierarchy, texels: int, cut: Cut) -> int:
+    def _follow(self, hierarchy: Hierarchy, texels: int, cut: Cut, view: View) -> int:
         wanted = self._tiles_of(hierarchy, texels)
         for each in {wanted, self._shown}:
             if each is not None:
                 each.pages.mark(cut.splats)
-        for strips in self._baker.take(wanted.baker):
-            if not wanted.pages.add(strips):
-                # Too many pages are half empty: baked again all at once the tiles of a cut fill few.
+        for tiles in self._baker.take(wanted.baker):
+            if not wanted.pages.add(tiles):
+                # Too many pages hold what is not drawn any more: baked again all at once the tiles of a cut fill few.
                 wanted.pages.clear()
-        missing = wanted.pages.missing(cut.splats)
-        self._baker.want(wanted.baker, missing)
+        missing, most = wanted.pages.missing(cut.splats, view, hierarchy)
+        self._baker.want(wanted.baker, missing, most)
         if wanted is self._coming and (self._shown is None or len(missing) == 0):
             self._renderer.set_tiles(wanted.pages)
             self._shown, self._coming = wanted, None

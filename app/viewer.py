@@ -293,4 +293,4 @@ def _open_ready_to_select(
         select_cut(scene.hierarchy, view, 2.0, 16.0, two_sided=False)
         return scene
 
-    return ready(open_scene(source, None, progress, cache=cache, show=lambda stand_in: show(ready(stand_in))))
+    return ready(open_scene(source, progress, cache=cache, show=lambda stand_in: show(ready(stand_in))))

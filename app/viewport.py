@@ -112,7 +112,7 @@ class Viewport:
         )
         selected = time.perf_counter()
         texels = steering.texels if settings.normal_mapping else 0
-        missing = self._tiling.follow(scene.hierarchy, texels, cut)
+        missing = self._tiling.follow(scene.hierarchy, texels, cut, view)
         if self._tiling.trouble:
             state.say(self._tiling.trouble, is_error=True)
             self._tiling.trouble = ""

@@ -25,7 +25,7 @@ class Point:
     error, p95 : of the angle between normals, degrees
     displacement : of the outline, mean, pixels
     splats, triangles : drawn
-    tile_bytes : of all tiles of the model
+    tile_bytes, cut_tile_bytes : of all tiles of the model, and of those that are drawn, mean over the views
     records : one a view
     """
 
@@ -38,6 +38,7 @@ class Point:
     splats: float
     triangles: float
     tile_bytes: float
+    cut_tile_bytes: float
     records: tuple[Record, ...]
 
     def mean(self, path: str) -> float:
@@ -106,6 +107,7 @@ def _point(records: Sequence[Record], setting: Setting, triangles_ms: float) -> 
         splats=mean("cost.splats"),
         triangles=mean("cost.triangles"),
         tile_bytes=mean("cost.tile_bytes"),
+        cut_tile_bytes=mean("cost.cut_tile_bytes"),
         records=tuple(records),
     )
 

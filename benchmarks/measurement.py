@@ -27,8 +27,9 @@ from benchmarks.triangles import TriangleBaseline
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.model import Float32Array, Mesh, UInt8Array
-from hierarchy.normal_tiles import NormalTiles, bake_tiles
+from hierarchy.normal_tiles import bake_tiles
 from hierarchy.view import View
+from renderer.cut_tiles import CutTiles
 from renderer.settings import Settings
 
 Rows = dict[str, list[float]]
@@ -62,7 +63,6 @@ class Workbench:
         self._framebuffer = ctx.simple_framebuffer(resolution)
         self._triangles = {False: TriangleBaseline(ctx, subject.mesh)}
         self._hierarchy: Hierarchy | None = None
-        self._tiles: NormalTiles | None = None
 
     def measure(self, method: Method, setting: Setting, view: View, rounds: int) -> tuple[Json, Picture]:
         """Return what a setting of a method costs, and its picture.
@@ -79,7 +79,7 @@ class Workbench:
         assert select is not None
         hierarchy = self.subject.hierarchy(points=method.points)
         cut = select(hierarchy, view, setting.r_sil, setting.r_inner)
-        self._bring(method, setting, cut)
+        cut_tile_bytes = self._bring(method, setting, cut, view)
         settings = replace(method.settings, two_sided=not hierarchy.closed)
 
         def draw(rows: Rows) -> None:
@@ -101,7 +101,8 @@ class Workbench:
             "visited_nodes": cut.visited_nodes,
             "pixels_blended": self._renderer.count_blended(),
             "gpu_bytes": self._renderer.gpu_bytes,
-            "tile_bytes": self.subject.tile_bytes(points=method.points, texels=setting.w_s),
+            "tile_bytes": self.subject.tile_bytes(points=method.points, texels=setting.w_s, fitted=method.fitted),
+            "cut_tile_bytes": cut_tile_bytes,
             "peak_memory_mb": peak_memory_mb(),
         }
         return cost, self._read()
@@ -116,8 +117,7 @@ class Workbench:
         hierarchy = self.subject.hierarchy(points=method.points)
         cut = select(hierarchy, view, setting.r_sil, setting.r_inner)
         with graphics_errors():
-            tiles = bake_tiles(hierarchy, setting.w_s, nodes=nodes_of(cut, hierarchy)) if setting.w_s else None
-            self._set(hierarchy, tiles)
+            self._bring(method, setting, cut, view)
             settings = replace(method.settings, two_sided=not hierarchy.closed)
             self._renderer.draw(cut, view, settings, self._framebuffer)
             return self._read()
@@ -146,6 +146,7 @@ class Workbench:
             "pixels_blended": int(query.samples),
             "gpu_bytes": triangle_bytes(self.subject.mesh, view),
             "tile_bytes": 0,
+            "cut_tile_bytes": 0,
             "peak_memory_mb": peak_memory_mb(),
         }
         shown = baseline.arrays(view)
@@ -182,20 +183,22 @@ class Workbench:
             self._triangles[cull] = TriangleBaseline(self._ctx, self.subject.mesh, cull_back_faces=cull)
         return self._triangles[cull]
 
-    def _bring(self, method: Method, setting: Setting, cut: Cut) -> None:
-        """Bring the hierarchy and the tiles that a setting draws to the GPU."""
+    def _bring(self, method: Method, setting: Setting, cut: Cut, view: View) -> int:
+        """Bring the hierarchy and the tiles that a setting draws to the GPU; return the bytes of the tiles."""
         hierarchy = self.subject.hierarchy(points=method.points)
-        tiles = self.subject.tiles(cut, points=method.points, texels=setting.w_s) if setting.w_s else None
-        self._set(hierarchy, tiles)
-
-    def _set(self, hierarchy: Hierarchy, tiles: NormalTiles | None) -> None:
-        """Bring a hierarchy and tiles to the GPU where they are not there yet."""
         if self._hierarchy is not hierarchy:
             self._renderer.set_hierarchy(hierarchy)
-            self._hierarchy, self._tiles = hierarchy, None
-        if self._tiles is not tiles:
-            self._renderer.set_tiles(tiles)
-            self._tiles = tiles
+            self._hierarchy = hierarchy
+        if not setting.w_s:
+            self._renderer.set_tiles(None)
+            return 0
+        if method.fitted:
+            fitted = CutTiles(self._renderer, hierarchy, setting.w_s)
+            fitted.bring(cut, view)
+            return fitted.nbytes
+        tiles = bake_tiles(hierarchy, setting.w_s, nodes=nodes_of(cut, hierarchy))
+        self._renderer.set_tiles(tiles)
+        return tiles.nbytes
 
     def release(self) -> None:
         """Give everything on the GPU back."""

@@ -32,6 +32,7 @@ class Method:
     select : chooses the cut; None: the mesh itself is drawn as triangles
     points : it draws a point hierarchy, its leaves surfels instead of triangles
     radii, tiles : r_sil and r_inner, w_s mean something to it
+    fitted : its tiles have no more texels than the normals below a node and the view need; else w_s x w_s each
     cull : triangles that face away are left out (closed meshes only)
     """
 
@@ -41,6 +42,7 @@ class Method:
     points: bool = False
     radii: bool = True
     tiles: bool = True
+    fitted: bool = True
     cull: bool = False
 
 
@@ -83,6 +85,7 @@ def _facing(centres, normals, eye, first) -> UInt32Array:  # type: ignore[no-unt
 
 METHODS = {
     "surfelscope": Method("silhouette-refined selection, normal tiles, blended quads", _select),
+    "tiles of one size": Method("the same with w_s x w_s texels a tile (Holst and Schumann 2007)", _select, fitted=False),
     "not blended": Method("the same in one pass: the nearest splat shows", _select, Settings(blending=False)),
     "no tiles": Method("the same without normal mapping", _select, FLAT, tiles=False),
     "one radius": Method(

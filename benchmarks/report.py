@@ -22,6 +22,7 @@ BLOCKS: dict[str, Callable[[Run], str]] = {
     "targets": targets,
     "methods": tables.methods,
     "sweep": tables.sweep,
+    "fitted-tiles": tables.fitted_tiles,
     "normal-mapping": tables.normal_mapping,
     "silhouette": tables.silhouette,
     "scaling": tables.scaling,

@@ -21,13 +21,11 @@ from hierarchy.load import load_model
 from hierarchy.lod import Cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.model import Mesh, Model, UInt32Array
-from hierarchy.normal_tiles import NormalTiles, bake_tiles
+from hierarchy.normal_tiles import count_tiles
 
 T = TypeVar("T")
 
 BUILT_IN = "built-in"
-# Tiles of a whole model are baked up to this size; beyond, only those that a cut draws.
-WHOLE_TILES_BYTES = 1_500_000_000
 # Triangles of the model that is built and baked once so that compiling does not count as building.
 WARM_UP_TRIANGLES = 2_000
 NORMAL_BYTES = 2
@@ -67,7 +65,7 @@ class Subject:
             "tile_bytes": {},
         }
         self._hierarchies: dict[bool, Hierarchy] = {}
-        self._tiles: tuple[tuple[bool, int], NormalTiles] | None = None
+        self._tile_bytes: dict[tuple[bool, int], int] = {}
 
     def hierarchy(self, *, points: bool) -> Hierarchy:
         """Return the point hierarchy or the hybrid one."""
@@ -85,25 +83,18 @@ class Subject:
             }
         return self._hierarchies[points]
 
-    def tile_bytes(self, *, points: bool, texels: int) -> int:
-        """Return the bytes that the tiles of all nodes take."""
-        return self.hierarchy(points=points).node_count * texels**2 * NORMAL_BYTES
-
-    def tiles(self, cut: Cut, *, points: bool, texels: int) -> NormalTiles:
-        """Return the tiles of all nodes, or where they are too many those of the cut. Only the last are kept."""
+    def tile_bytes(self, *, points: bool, texels: int, fitted: bool) -> int:
+        """Return the bytes that the tiles of all nodes take; fitted : as few texels as will do, else w_s x w_s each."""
         hierarchy = self.hierarchy(points=points)
-        size = self.tile_bytes(points=points, texels=texels)
-        if size > WHOLE_TILES_BYTES:
-            return bake_tiles(hierarchy, texels, nodes=nodes_of(cut, hierarchy))
-        if self._tiles is None or self._tiles[0] != (points, texels):
-            # Two atlases at once may be more than fits.
-            self._tiles = None
-            tiles, bake_s = timed(lambda: bake_tiles(hierarchy, texels))
-            self._tiles = (points, texels), tiles
-            if not points:
+        if not fitted:
+            return hierarchy.node_count * texels**2 * NORMAL_BYTES
+        if (points, texels) not in self._tile_bytes:
+            count, bake_s = timed(lambda: count_tiles(hierarchy, texels) if texels else None)
+            self._tile_bytes[points, texels] = count.nbytes if count else 0
+            if count and not points:
                 self.info["bake_s"][str(texels)] = bake_s
-                self.info["tile_bytes"][str(texels)] = size
-        return self._tiles[1]
+                self.info["tile_bytes"][str(texels)] = count.nbytes
+        return self._tile_bytes[points, texels]
 
 
 def nodes_of(cut: Cut, hierarchy: Hierarchy) -> UInt32Array:
@@ -116,7 +107,7 @@ def warm_up() -> None:
     """Have everything compiled that building and baking needs."""
     small = make_meteoroid(WARM_UP_TRIANGLES)
     for points in (False, True):
-        bake_tiles(build_hierarchy(small, points=points), 4)
+        count_tiles(build_hierarchy(small, points=points), 4)
 
 
 def timed(work: Callable[[], T]) -> tuple[T, float]:

@@ -26,9 +26,9 @@ from hierarchy.build import build_hierarchy
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.model import Mesh
-from hierarchy.normal_tiles import bake_tiles
 from hierarchy.view import View
 from renderer.context import create_headless_context
+from renderer.cut_tiles import CutTiles
 from renderer.frame import Frame
 from renderer.settings import Settings
 
@@ -53,12 +53,11 @@ class Drawn:
         """Raises GpuError where it does not fit."""
         self._ctx, self._hierarchy, self._view = ctx, hierarchy, view
         self.cut = select_cut(hierarchy, view, R_SIL, R_INNER)
-        nodes = self.cut.splats[self.cut.splats < hierarchy.node_count]
-        tiles, self.bake_s = timed(lambda: bake_tiles(hierarchy, TEXELS, nodes=nodes))
-        self.tile_bytes = tiles.nbytes
         self.renderer = InstrumentedRenderer(ctx)
         self.renderer.set_hierarchy(hierarchy)
-        self.renderer.set_tiles(tiles)
+        tiles = CutTiles(self.renderer, hierarchy, TEXELS)
+        tiles.bring(self.cut, view)
+        self.bake_s, self.tile_bytes = tiles.seconds, tiles.nbytes
         self._framebuffer = ctx.simple_framebuffer((view.width, view.height))
 
     def frame(self) -> Frame:

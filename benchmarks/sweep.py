@@ -80,6 +80,8 @@ def _full() -> Iterator[Point]:
         yield "not blended", R_SIL, r_inner, TEXELS
         yield "point sprites", R_SIL, r_inner, TEXELS
         yield "printed cone test", R_SIL, r_inner, TEXELS
+    for texels in (4, 8, 16, 32):
+        yield "tiles of one size", R_SIL, R_INNER, texels
 
 
 def _quick() -> Iterator[Point]:
@@ -103,6 +105,8 @@ def _quick() -> Iterator[Point]:
         yield "one radius", radius, radius, 0
     yield "point sprites", R_SIL, R_INNER, TEXELS
     yield "printed cone test", R_SIL, R_INNER, TEXELS
+    for texels in (8, 16):
+        yield "tiles of one size", R_SIL, R_INNER, texels
 
 
 def _texels_of(radius: float) -> int:

@@ -77,6 +77,27 @@ def sweep(run: Run) -> str:
     return table(header, [*rows, ("tiles", "", "", *sizes)]) if rows else ""
 
 
+def fitted_tiles(run: Run) -> str:
+    """Return bytes and error of tiles of as few texels as will do beside those of tiles of one size, of every model."""
+    rows = []
+    for model in run.models:
+        points = points_of(run, model)
+        for one in of_method(points, "tiles of one size"):
+            s = one.setting
+            for p in of_method(points, "surfelscope", r_sil=s.r_sil, r_inner=s.r_inner, w_s=s.w_s):
+                rows.append(
+                    (model, f"{s.w_s}", f"{one.error:.3f}", f"{p.error:.3f}",
+                     *_saved(one.tile_bytes, p.tile_bytes), *_saved(one.cut_tile_bytes, p.cut_tile_bytes))
+                )  # fmt: skip
+    header = ("", "w_s", "mean error, one size", "fitted", "all tiles, one size", "fitted", "of it",
+              "drawn, one size", "fitted", "of it")  # fmt: skip
+    return table(header, rows) if rows else ""
+
+
+def _saved(before: float, after: float) -> tuple[str, str, str]:
+    return f"{before / 1e6:.3g} MB", f"{after / 1e6:.3g} MB", f"{after / before:.3f}"
+
+
 def normal_mapping(run: Run) -> str:
     """Return what is drawn with and without normal mapping for the same mean error."""
     points = _main_points(run)

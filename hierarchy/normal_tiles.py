@@ -14,7 +14,8 @@ from hierarchy.encoding import BYTE_ZERO
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.model import Int32Array, Progress, UInt8Array, UInt32Array, ignore_progress
-from hierarchy.tile_kernels import LAYER_SIZE, bake_at_once, bake_in_turn
+from hierarchy.tile_fits import FitTables, fit_at_once, fit_in_turn, fit_tables
+from hierarchy.tile_kernels import LAYER_SIZE, bake_at_once
 
 # Nodes baked between two reports of progress: some 30 ms of work.
 BLOCK = 4096
@@ -42,12 +43,23 @@ class NormalTiles:
         """Bytes of the tiles themselves, without the atlas' unused rest."""
         return self.count * self.texels**2 * (2 if self.colors is None else 6)
 
-    def tiles_of(self, splats: UInt32Array) -> Int32Array:
-        """Return the tiles of splats (K,), int32 (K,); -1 for those that have none, such as every leaf surfel."""
-        nodes = len(self.tile_of_node)
-        tiles = self.tile_of_node[np.minimum(splats, nodes - 1)]
-        tiles[splats >= nodes] = -1
-        return tiles
+    def as_fitted(self) -> FittedTiles:
+        """Return the same tiles as if nothing less would do."""
+        side = LAYER_SIZE // self.texels
+        tiles = np.flatnonzero(self.tile_of_node >= 0).astype(np.uint32)
+        layer, place = np.divmod(self.tile_of_node[tiles], side**2)
+        row, column = np.divmod(place, side)
+
+        def gather(atlas: UInt8Array) -> UInt8Array:
+            used = atlas[:, : side * self.texels, : side * self.texels]
+            grid = used.reshape(len(atlas), side, self.texels, side, self.texels, -1)
+            found: UInt8Array = grid[layer, row, :, column]
+            return found
+
+        sides = np.full(len(tiles), self.texels, np.int32)
+        spreads = np.tile(np.array([0, 0, 255, 255], np.uint8), (len(tiles), 1))
+        colors = {} if self.colors is None else {self.texels: gather(self.colors)}
+        return FittedTiles(tiles, sides, sides, spreads, {self.texels: gather(self.normals)}, colors)
 
     def corner(self, tile: int) -> tuple[int, int, int]:
         """Return layer, row and column of a tile's first texel."""
@@ -61,18 +73,49 @@ class NormalTiles:
 
 
 @dataclass(frozen=True, eq=False)
-class TileStrips:
-    """Tiles of some nodes, as strips that are as wide as a layer of the GPU's texture.
+class FittedTiles:
+    """Tiles of some nodes, each of as few texels as show its normals.
 
-    nodes : uint32 (K,), in the order of their tiles: along the first strip, then along the second
-    normals : uint8 (S, texels, LAYER_SIZE, 2), as in `NormalTiles`
-    colors : uint8 (S, texels, LAYER_SIZE, 4), or None
+    nodes : uint32 (K,)
+    most : int32 (K,), texels along one side that each tile might have had
+    sides : int32 (K,), texels that it has; 0: the node's own normal and colour are all it takes
+    spreads : uint8 (K, 4), low.x, low.y, width.x and width.y of each: byte b of its normals stands for the byte
+        low + b width / 255 of encoding.py
+    normals : by side uint8 (N, side, side, 2), in the order of the nodes whose tiles have that side
+    colors : by side uint8 (N, side, side, 4); empty where the model has none
+    """
+
+    nodes: UInt32Array
+    most: Int32Array
+    sides: Int32Array
+    spreads: UInt8Array
+    normals: dict[int, UInt8Array]
+    colors: dict[int, UInt8Array]
+
+    @property
+    def count(self) -> int:
+        """How many nodes have a tile."""
+        return int(np.count_nonzero(self.sides))
+
+    @property
+    def nbytes(self) -> int:
+        texels = sum(array.nbytes for array in (*self.normals.values(), *self.colors.values()))
+        return texels + self.count * self.spreads.shape[1]
+
+
+@dataclass(frozen=True)
+class TileCount:
+    """What the tiles of all nodes take.
+
+    texels : along one side at most (w_s)
+    nodes, tiles : how many, and how many of them one normal is not enough for
+    nbytes : of the tiles
     """
 
     texels: int
-    nodes: UInt32Array
-    normals: UInt8Array
-    colors: UInt8Array | None
+    nodes: int
+    tiles: int
+    nbytes: int
 
 
 class TileBaker:
@@ -93,7 +136,9 @@ class TileBaker:
             leaves.colors if leaves.colors is not None else np.empty((0, 4), np.uint8),
         )
         disc_normals = hierarchy.splats["normal"][: hierarchy.node_count]
-        self._arrays = (hierarchy.nodes, disc_normals, read, isinstance(leaves, Triangles))
+        self._model = (hierarchy.nodes, disc_normals, read, isinstance(leaves, Triangles))
+        self._own_colors = hierarchy.colors if hierarchy.colors is not None else np.empty((0, 4), np.uint8)
+        self._tables: FitTables | None = None
 
     def empty(self, layers: int, rows: int) -> tuple[UInt8Array, UInt8Array]:
         """Return normals and colours that nothing has hit: uint8 (layers, rows, LAYER_SIZE, 2), and the same with 4.
@@ -106,24 +151,30 @@ class TileBaker:
 
     def bake_into(self, nodes: UInt32Array, first: int, normals: UInt8Array, colors: UInt8Array) -> None:
         """Bake the tiles of nodes (K,) into what `empty` returned, as the tiles first, first + 1, ..., on all cores."""
-        bake_at_once(*self._arrays, nodes, first, self.texels, normals, colors)
+        bake_at_once(*self._model, nodes, first, self.texels, normals, colors)
 
-    @property
-    def tiles_of_strip(self) -> int:
-        return LAYER_SIZE // self.texels
+    def fitted(self, nodes: UInt32Array, most: Int32Array, *, at_once: bool = False) -> FittedTiles:
+        """Bake tiles of as few texels as will do.
 
-    def strips(self, nodes: UInt32Array) -> TileStrips:
-        """Bake the tiles of nodes (K,), of which there are no more than a layer has room for, on one core.
-
-        May be called on several threads at once, and while parallel kernels run elsewhere.
+        nodes, most : uint32 and int32 (K,), most texels along one side of each tile, of `tile_fits.sides_of`
+        at_once : on all cores, while no other parallel kernel runs; else on this one, and other threads may do the same
         """
-        count = max(1, -(-len(nodes) // self.tiles_of_strip))
-        normals, colors = self.empty(1, count * self.texels)
-        bake_in_turn(*self._arrays, nodes, 0, self.texels, normals, colors)
-        shape = (count, self.texels, LAYER_SIZE)
-        return TileStrips(
-            self.texels, nodes, normals.reshape(*shape, 2), colors.reshape(*shape, 4) if self.has_colors else None
-        )
+        if self._tables is None:
+            self._tables = fit_tables(self.texels)
+        texels = int(most.max(initial=1)) ** 2
+        normals = np.empty((len(nodes), 2 * texels), np.uint8)
+        colors = np.empty((len(nodes) if self.has_colors else 0, 4 * texels), np.uint8)
+        sides, spreads = np.empty(len(nodes), np.int32), np.zeros((len(nodes), 4), np.uint8)
+        tables = tuple(vars(self._tables).values())
+        bake = fit_at_once if at_once else fit_in_turn
+        bake(*self._model, self._own_colors, nodes, most, tables, normals, colors, spreads, sides)
+        found, of_normals, of_colors = np.unique(sides[sides > 0]), {}, {}
+        for side in found.tolist():
+            here = np.flatnonzero(sides == side)
+            of_normals[side] = normals[here, : 2 * side**2].reshape(-1, side, side, 2)
+            if self.has_colors:
+                of_colors[side] = colors[here, : 4 * side**2].reshape(-1, side, side, 4)
+        return FittedTiles(nodes, most, sides, spreads, of_normals, of_colors)
 
 
 def bake_tiles(
@@ -148,3 +199,20 @@ def bake_tiles(
     tile_of_node = np.full(hierarchy.node_count, -1, np.int32)
     tile_of_node[wanted] = np.arange(count, dtype=np.int32)
     return NormalTiles(texels, count, tile_of_node, normals, colors if baker.has_colors else None)
+
+
+def count_tiles(hierarchy: Hierarchy, texels: int, progress: Progress = ignore_progress) -> TileCount:
+    """Bake the tiles of all nodes, of as few texels as will do, and count what they take.
+
+    texels : along one side at most (w_s)
+    progress : as in `bake_tiles`
+    """
+    baker = TileBaker(hierarchy, texels)
+    tiles = nbytes = 0
+    for first in range(0, hierarchy.node_count, BLOCK):
+        progress("Baking normal tiles", first / hierarchy.node_count)
+        nodes = np.arange(first, min(first + BLOCK, hierarchy.node_count), dtype=np.uint32)
+        baked = baker.fitted(nodes, np.full(len(nodes), texels, np.int32), at_once=True)
+        tiles, nbytes = tiles + baked.count, nbytes + baked.nbytes
+    progress("Baking normal tiles", 1.0)
+    return TileCount(texels, hierarchy.node_count, tiles, nbytes)

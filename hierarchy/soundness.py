@@ -12,7 +12,6 @@ import numpy as np
 
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Leaves, Triangles
-from hierarchy.normal_tiles import NormalTiles
 from hierarchy.spreads import SCALES
 from hierarchy.tile_kernels import LAYER_SIZE
 
@@ -37,20 +36,6 @@ def fault_of_hierarchy(hierarchy: Hierarchy) -> str:
     ):
         return "its openings are none"
     return _fault_of_leaves(leaves) or _fault_of_tree(nodes, len(leaves))
-
-
-def fault_of_tiles(tiles: NormalTiles, node_count: int) -> str:
-    """Say in a few words why tiles cannot be those of a hierarchy of so many nodes; "": they can."""
-    if not 1 <= tiles.texels <= LAYER_SIZE:
-        return "tiles of no size"
-    layers = max(1, -(-tiles.count // (LAYER_SIZE // tiles.texels) ** 2))
-    atlas = (layers, LAYER_SIZE, LAYER_SIZE)
-    if tiles.normals.shape != (*atlas, 2) or (tiles.colors is not None and tiles.colors.shape != (*atlas, 4)):
-        return "its atlas does not hold its tiles"
-    of_node = tiles.tile_of_node
-    if of_node.shape != (node_count,) or of_node.min() < -1 or of_node.max() >= tiles.count:
-        return "its tiles are not those of its nodes"
-    return ""
 
 
 def _fault_of_leaves(leaves: Leaves) -> str:

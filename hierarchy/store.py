@@ -1,4 +1,4 @@
-"""Hierarchies and their tiles in files that are mapped, not read (tensor_file.py).
+"""Hierarchies in files that are mapped, not read (tensor_file.py).
 
 Every array goes in as it is in memory, in breadth-first order, so that a prefix of each is a coarse model; numbers and
 words go into the metadata. A file is taken for what it is only if its format, which follows from the layout of the
@@ -17,16 +17,14 @@ import numpy as np
 
 from hierarchy.hierarchy import NODE, SPLAT, Hierarchy
 from hierarchy.leaves import Leaves, Surfels, Triangles
-from hierarchy.normal_tiles import NormalTiles
 from hierarchy.openings import Openings
-from hierarchy.soundness import fault_of_hierarchy, fault_of_tiles
+from hierarchy.soundness import fault_of_hierarchy
 from hierarchy.spreads import SCALES
 from hierarchy.tensor_file import DamagedFile, map_tensors, read_metadata, write_tensors
-from hierarchy.tile_kernels import LAYER_SIZE
 
 # Counts up with every change of what is stored that the records' layout does not show.
 VERSION = 1
-_LAYOUT = f"{VERSION} {NODE.descr} {SPLAT.descr} {SCALES} {LAYER_SIZE}"
+_LAYOUT = f"{VERSION} {NODE.descr} {SPLAT.descr} {SCALES}"
 FORMAT = f"surfelscope {hashlib.sha256(_LAYOUT.encode()).hexdigest()[:16]}"
 
 # Records are stored as rows of floats. The integers of a node are at least 0 and far below 2,139,095,040, so that
@@ -102,44 +100,6 @@ def read_notes(path: Path) -> dict[str, str]:
     metadata = read_metadata(path)
     _described(metadata, "hierarchy")
     return _notes(metadata)
-
-
-def save_tiles(path: Path, tiles: NormalTiles, progress: Written) -> int:
-    """Write tiles to a file, whole or not at all, and return the file's size in bytes.
-
-    progress : as in `save_hierarchy`
-    Raises ValueError, OSError.
-    """
-    fault = fault_of_tiles(tiles, len(tiles.tile_of_node))
-    if fault:
-        raise ValueError(fault)
-    tensors: dict[str, np.ndarray] = {"tile_of_node": tiles.tile_of_node, "normals": tiles.normals}
-    if tiles.colors is not None:
-        tensors["colors"] = tiles.colors
-    described = {"texels": int(tiles.texels), "count": int(tiles.count)}
-    return write_tensors(path, tensors, {"format": FORMAT, "tiles": json.dumps(described)}, progress)
-
-
-def load_tiles(path: Path, hierarchy: Hierarchy) -> NormalTiles:
-    """Map what `save_tiles` wrote of the tiles of a hierarchy. Raises DamagedFile, OSError."""
-    tensors, metadata = map_tensors(path)
-    described = _described(metadata, "tiles")
-    try:
-        tiles = NormalTiles(
-            texels=int(described["texels"]),
-            count=int(described["count"]),
-            tile_of_node=_take(tensors, "tile_of_node", np.int32),
-            normals=_take(tensors, "normals", np.uint8, LAYER_SIZE, LAYER_SIZE, 2),
-            colors=_take(tensors, "colors", np.uint8, LAYER_SIZE, LAYER_SIZE, 4) if "colors" in tensors else None,
-        )
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise DamagedFile("it does not describe tiles") from error
-    fault = fault_of_tiles(tiles, hierarchy.node_count)
-    if not fault and (tiles.colors is None) != (hierarchy.leaves.colors is None):
-        fault = "its tiles are not coloured as the model is"
-    if fault:
-        raise DamagedFile(fault)
-    return tiles
 
 
 def _described(metadata: Mapping[str, str], what: str) -> dict[str, Any]:

@@ -269,21 +269,34 @@ def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: i
 
 
 @nb.njit(cache=True, nogil=True)
-def _bake(nodes, disc_normals, leaves, triangles, node, index, texels, normals, colors):  # type: ignore[no-untyped-def]
-    """Bake the tile of a node into the atlas, as the tile `index` of it."""
-    side = LAYER_SIZE // texels
-    frame = np.empty((3, 3), np.float64)
+def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums):  # type: ignore[no-untyped-def]
+    """Sum up what lies over a node's disc in the texels of its tile.
+
+    frame : float64 (3, 3), is set to the disc's: o1, o2 and its normal in rows
+    nearest, sums : float64 (w, w) and (w, w, C), are set to what `_scatter_triangle` or `_scatter_surfel` leaves there
+    """
+    texels = len(nearest)
     for k in range(3):
         frame[2, k] = disc_normals[node, k]
     u = tangents(frame[2, 0], frame[2, 1], frame[2, 2])
     for k in range(3):
         frame[0, k], frame[1, k] = u[k], u[3 + k]
-    nearest = np.full((texels, texels), np.inf if triangles else 0.0)
-    sums = np.zeros((texels, texels, 7 if len(colors) > 0 else 3))
+    nearest[:] = np.inf if triangles else 0.0
+    sums[:] = 0.0
     if not _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):
         nearest[:] = np.inf if triangles else 0.0
         sums[:] = 0.0
         _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums)
+
+
+@nb.njit(cache=True, nogil=True)
+def _bake(nodes, disc_normals, leaves, triangles, node, index, texels, normals, colors):  # type: ignore[no-untyped-def]
+    """Bake the tile of a node into the atlas, as the tile `index` of it."""
+    side = LAYER_SIZE // texels
+    frame = np.empty((3, 3), np.float64)
+    nearest = np.empty((texels, texels))
+    sums = np.empty((texels, texels, 7 if len(colors) > 0 else 3))
+    sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums)
     layer, row, column = index // side**2, index // side % side * texels, index % side * texels
     tile = normals[layer, row : row + texels, column : column + texels]
     # Without colours the atlas has no layers; any array of its type will do.
@@ -295,11 +308,4 @@ def _bake(nodes, disc_normals, leaves, triangles, node, index, texels, normals, 
 def bake_at_once(nodes, disc_normals, leaves, triangles, wanted, first_tile, texels, normals, colors):  # type: ignore[no-untyped-def]
     """Bake tiles on all cores. No other parallel kernel may run meanwhile."""
     for i in nb.prange(len(wanted)):
-        _bake(nodes, disc_normals, leaves, triangles, wanted[i], first_tile + i, texels, normals, colors)
-
-
-@nb.njit(cache=True, nogil=True)
-def bake_in_turn(nodes, disc_normals, leaves, triangles, wanted, first_tile, texels, normals, colors):  # type: ignore[no-untyped-def]
-    """Bake tiles on one core, whatever the others do."""
-    for i in range(len(wanted)):
         _bake(nodes, disc_normals, leaves, triangles, wanted[i], first_tile + i, texels, normals, colors)

@@ -1,4 +1,4 @@
-"""What stays on the GPU between frames: the splats' records, the tiles, the leaf triangles' vertices."""
+"""What stays on the GPU between frames: the splats' records and the leaf triangles' vertices."""
 
 from __future__ import annotations
 
@@ -9,20 +9,14 @@ import numpy as np
 
 from hierarchy.hierarchy import SPLAT, Hierarchy
 from hierarchy.leaves import Triangles
-from hierarchy.model import Int32Array, UInt32Array
-from hierarchy.normal_tiles import NormalTiles
 from renderer.allocation import GpuError, Held, allocating
 from renderer.limits import Limits
-from renderer.tile_slots import TileSlots
 
 # A record is a whole number of RGBA32F texels.
 TEXELS_PER_SPLAT = SPLAT.itemsize // 16
 # Texels along a row of the record texture; a multiple of the above, so that no record is broken over two rows. 4096
 # rows of it, which every GPU with OpenGL 3.3 has, hold 4 M splats, and 256 layers of those a thousand million.
 RECORD_WIDTH = 1024 * TEXELS_PER_SPLAT
-
-# Tiles gathered from the atlas at a time: 4 MB of 32 x 32 texels.
-UPLOADED_AT_ONCE = 2048
 
 
 def record_texture(
@@ -80,79 +74,3 @@ class SplatBuffers:
 
     def release(self) -> None:
         self._held.release()
-
-
-class TileTextures:
-    """The normal tiles on the GPU: 2D array textures, filtered bilinearly.
-
-    Where there is no room for all, those of the present cut have to do: `slots_of` brings what is missing.
-
-    untiled : splats of the last cut for whose tiles there was no room
-    """
-
-    def __init__(self, ctx: moderngl.Context, tiles: NormalTiles, limits: Limits) -> None:
-        """Raises GpuError where not even one layer fits."""
-        self.tiles = tiles
-        self.texels = tiles.texels
-        self.untiled = 0
-        layers, self.layer_size, _, components = tiles.normals.shape
-        texel = components + (0 if tiles.colors is None else tiles.colors.shape[3])
-        most = layers if limits.tile_bytes is None else max(limits.tile_bytes // (self.layer_size**2 * texel), 1)
-        self._make(ctx, min(layers, limits.array_layers, most))
-        self._slots: TileSlots | None = None
-        if self.normals.layers < layers:
-            self._slots = TileSlots(tiles.count, self.normals.layers * (self.layer_size // tiles.texels) ** 2)
-
-    def _make(self, ctx: moderngl.Context, layers: int) -> None:
-        """Make the textures, with as many layers as there is memory for."""
-        while True:
-            try:
-                with allocating(ctx, "the normal tiles; choose a smaller w_s") as held:
-                    self._held = held
-                    self.normals = held.add(_tile_texture(ctx, self.tiles.normals, layers))
-                    colors = self.tiles.colors
-                    self.colors = None if colors is None else held.add(_tile_texture(ctx, colors, layers))
-            except GpuError:
-                if layers == 1:
-                    raise
-                layers //= 2
-            else:
-                return
-
-    def slots_of(self, splats: UInt32Array) -> Int32Array:
-        """Return where the tiles of a cut's splats lie in the textures, int32 (K,); -1 for those that have none."""
-        tiles = self.tiles.tiles_of(splats)
-        if self._slots is None:
-            return tiles
-        slots, missing, free = self._slots.place(tiles)
-        self.untiled = int(np.count_nonzero((tiles >= 0) & (slots < 0)))
-        for first in range(0, len(missing), UPLOADED_AT_ONCE):
-            block = slice(first, first + UPLOADED_AT_ONCE)
-            self._write(self.normals, self.tiles.normals, missing[block], free[block])
-            if self.colors is not None and self.tiles.colors is not None:
-                self._write(self.colors, self.tiles.colors, missing[block], free[block])
-        return slots
-
-    def _write(self, texture: moderngl.TextureArray, atlas: np.ndarray, tiles: Int32Array, slots: Int32Array) -> None:
-        width, side = self.tiles.texels, self.layer_size // self.tiles.texels
-        grid = atlas.reshape(len(atlas), side, width, side, width, -1).transpose(0, 1, 3, 2, 4, 5)
-        texels = grid[tiles // side**2, tiles // side % side, tiles % side]
-        for slot, tile in zip(slots.tolist(), np.ascontiguousarray(texels), strict=True):
-            corner = slot % side * width, slot // side % side * width, slot // side**2
-            texture.write(tile, (*corner, width, width, 1), alignment=1)
-
-    @property
-    def nbytes(self) -> int:
-        textures = [self.normals, *([self.colors] if self.colors else [])]
-        return sum(t.width * t.height * t.layers * t.components for t in textures)
-
-    def release(self) -> None:
-        self._held.release()
-
-
-def _tile_texture(ctx: moderngl.Context, atlas: np.ndarray, layers: int) -> moderngl.TextureArray:
-    """Make a texture with the atlas in it, or, where that has more layers, an empty one."""
-    whole, size, _, components = atlas.shape
-    texture = ctx.texture_array((size, size, layers), components, atlas if layers == whole else None, dtype="f1")
-    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-    return texture

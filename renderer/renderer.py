@@ -11,7 +11,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View, screen_box
-from renderer.buffers import SplatBuffers, TileTextures
+from renderer.buffers import SplatBuffers
 from renderer.frame import Frame
 from renderer.limits import Limits, probe_limits
 from renderer.resolve_passes import MARKED, MATCAP_UNIT, Resolve
@@ -44,7 +44,7 @@ class Renderer:
         self._cut_buffers = CutBuffers(ctx)
         self._hierarchy: Hierarchy | None = None
         self._buffers: SplatBuffers | None = None
-        self._tiles: TileTextures | TilePages | None = None
+        self._tiles: TilePages | None = None
         self._targets: Targets | None = None
         self._passes: dict[tuple[str, Variant], SplatPass] = {}
         self._resolve = Resolve(ctx)
@@ -71,24 +71,29 @@ class Renderer:
 
         Raises RuntimeError where no hierarchy was set, GpuError where there is no memory.
         """
+        return self._make_pages(texels)
+
+    def _make_pages(self, texels: int, most: int | None = None) -> TilePages:
         if self._hierarchy is None or self._buffers is None:
-            raise RuntimeError("set_hierarchy comes before make_pages")
+            raise RuntimeError("tiles come after set_hierarchy")
         colored = self._buffers.colors is not None
-        return TilePages(self._ctx, self.limits, texels, self._hierarchy.node_count, colored=colored)
+        return TilePages(self._ctx, self.limits, texels, self._hierarchy.node_count, colored=colored, most=most)
 
     def set_tiles(self, tiles: NormalTiles | TilePages | None) -> None:
-        """Bring the normal tiles of the hierarchy to the GPU, or draw with those of pages; None: there are none yet.
+        """Draw with the tiles of pages from now on, or with tiles that all have one size; None: there are none yet.
 
         Raises GpuError where they do not fit; the last ones are then still there.
         """
-        if isinstance(tiles, NormalTiles):
-            textures: TileTextures | TilePages | None = TileTextures(self._ctx, tiles, self.limits)
-        else:
-            textures = tiles
-        if self._tiles is not None and self._tiles is not textures:
+        pages = self._pages_of(tiles) if isinstance(tiles, NormalTiles) else tiles
+        if self._tiles is not None and self._tiles is not pages:
             self._tiles.release()
-        self._tiles = textures
+        self._tiles = pages
         self._last = None
+
+    def _pages_of(self, tiles: NormalTiles) -> TilePages:
+        pages = self._make_pages(tiles.texels, tiles.count)
+        pages.add(tiles.as_fitted())
+        return pages
 
     # Drawing
 

@@ -12,9 +12,10 @@ import numpy as np
 
 from hierarchy.kernel import SHARPNESS
 from hierarchy.lod import Cut
+from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View
 from renderer.allocation import allocating
-from renderer.buffers import RECORD_WIDTH, SplatBuffers, TileTextures
+from renderer.buffers import RECORD_WIDTH, SplatBuffers
 from renderer.programs import make_program
 from renderer.settings import Settings
 from renderer.targets import Targets
@@ -95,23 +96,27 @@ class Variant:
 class CutBuffers:
     """The cut of a frame on the GPU, uploaded once for both passes.
 
-    splats : (splat, tile) for each splat, uint32 and int32; tile -1: none
+    splats : splat, place of its tile and spread of that for each splat, uint32, int32 and four bytes; a place below 0: no
+        tile
     indices : of the leaf triangles' vertices
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
-        self.splats = ctx.buffer(reserve=8, dynamic=True)
+        self.splats = ctx.buffer(reserve=12, dynamic=True)
         self.indices = ctx.buffer(reserve=12, dynamic=True)
 
-    def upload(self, cut: Cut, tiles: TileTextures | TilePages | None) -> None:
+    def upload(self, cut: Cut, tiles: TilePages | None) -> None:
         """Bring a cut to the GPU, with the tiles of its splats where there are any.
 
         Raises GpuError where there is no room for it.
         """
-        splats = np.empty((len(cut.splats), 2), np.int32)
+        splats = np.empty((len(cut.splats), 3), np.uint32)
         splats[:, 0] = cut.splats
-        splats[:, 1] = -1 if tiles is None else tiles.slots_of(cut.splats)
+        splats[:, 1:] = 0xFFFFFFFF
+        if tiles is not None:
+            places, splats[:, 2] = tiles.places_of(cut.splats)
+            splats[:, 1] = places.view(np.uint32)
         for buffer, array in ((self.splats, splats), (self.indices, cut.indices)):
             if array.nbytes > buffer.size:
                 # Room for half as much again: a cut that grows a little every frame shall not reallocate every frame.
@@ -153,8 +158,8 @@ class SplatPass:
         self.triangles = make_program(ctx, "triangle.vert", f"triangle_{kind}.frag", defines)
         self._sprite = "SPRITE" in defines
         has_tile = "in_tile" in self.splats
-        layout = ("1u 1i" if has_tile else "1u 4x") + ("" if self._sprite else "/i")
-        names = ("in_splat", "in_tile") if has_tile else ("in_splat",)
+        layout = ("1u 1i 4f1" if has_tile else "1u 8x") + ("" if self._sprite else "/i")
+        names = ("in_splat", "in_tile", "in_spread") if has_tile else ("in_splat",)
         self._splat_array = ctx.vertex_array(self.splats, [(cut.splats, layout, *names)])
         used = [vertices for vertices in buffers.vertices if vertices[2] in self.triangles]
         self._triangle_array = ctx.vertex_array(self.triangles, used, index_buffer=cut.indices) if used else None
@@ -186,7 +191,7 @@ RECORDS_UNIT, NORMALS_UNIT, TILE_COLORS_UNIT, COLORS_UNIT = 0, 1, 2, 3
 
 
 def pass_uniforms(
-    cut: Cut, view: View, settings: Settings, buffers: SplatBuffers, tiles: TileTextures | TilePages | None
+    cut: Cut, view: View, settings: Settings, buffers: SplatBuffers, tiles: TilePages | None
 ) -> dict[str, object]:
     """Bind the textures of a hierarchy and return the uniforms of both passes."""
     buffers.records.use(RECORDS_UNIT)
@@ -217,8 +222,7 @@ def pass_uniforms(
         uniforms |= {
             "tile_normals": NORMALS_UNIT,
             "tile_texels": tiles.texels,
-            "layer_size": tiles.layer_size,
-            "tile_scale": 0.5 * (tiles.texels - 1) / tiles.layer_size,
+            "layer_size": LAYER_SIZE,
         }
         if tiles.colors is not None:
             tiles.colors.use(TILE_COLORS_UNIT)

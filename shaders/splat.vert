@@ -43,9 +43,10 @@ flat out float v_facing;  // 1: the disc faces the eye, 0: it faces away
 #endif
 #ifdef NORMAL_MAPPING
 in int in_tile;
-flat out vec3 v_tile;  // centre of the tile in texture coordinates, and its layer; layer -1: no tile
-uniform int tile_texels;
-uniform int layer_size;
+in vec4 in_spread;
+flat out vec4 v_spread;  // low and width of the normals: texel t stands for low + t width
+flat out vec4 v_tile;  // of tile_at; layer -1: no tile
+#include "tile_place.glsl"
 #endif
 #ifdef COLOR
 flat out vec3 v_color;
@@ -145,12 +146,8 @@ void main()
 #endif
 #endif
 #ifdef NORMAL_MAPPING
-    v_tile = vec3(0.0, 0.0, -1.0);
-    if (in_tile >= 0 && !turned) {
-        int side = layer_size / tile_texels;
-        vec2 corner = vec2(in_tile % side, (in_tile / side) % side) * float(tile_texels);
-        v_tile = vec3((corner + 0.5 * float(tile_texels)) / float(layer_size), float(in_tile / (side * side)));
-    }
+    v_spread = in_spread;
+    v_tile = in_tile >= 0 && !turned ? tile_at(in_tile) : vec4(0.0, 0.0, -1.0, 0.0);
 #endif
 #ifdef COLOR
     v_color = texelFetch(splat_colors, record_texel(index, textureSize(splat_colors, 0).y), 0).rgb;

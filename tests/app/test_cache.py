@@ -17,7 +17,7 @@ from app import inputs, scene
 from app.cache import Cache
 from app.cache_folder import cached_files, clear, make_room, user_cache_folder
 from app.known_digests import KnownDigests
-from app.scene import ModelSource, Scene, bake_scene, keep_scene, open_scene
+from app.scene import ModelSource, Scene, keep_scene, open_scene
 from hierarchy import file_state
 from hierarchy.model import Cancelled
 
@@ -55,11 +55,11 @@ def nothing_is_fresh(monkeypatch):
 
 
 def opened(path: Path | None, cache: Cache, **keywords) -> Scene:
-    return open_scene(ModelSource(path, **keywords), None, cache=cache)
+    return open_scene(ModelSource(path, **keywords), cache=cache)
 
 
-def kept(path: Path, cache: Cache, texels: int | None = None, **keywords) -> Scene:
-    built = open_scene(ModelSource(path, **keywords), texels, cache=cache)
+def kept(path: Path, cache: Cache, **keywords) -> Scene:
+    built = open_scene(ModelSource(path, **keywords), cache=cache)
     keep_scene(built, cache)
     return built
 
@@ -81,7 +81,7 @@ def write_obj(folder: Path, color: int) -> Path:
 
 
 def test_second_start_neither_reads_nor_builds_and_gives_the_same(model, cache, monkeypatch):
-    built = kept(model, cache, 4)
+    built = kept(model, cache)
     monkeypatch.setattr(scene, "_load", no_digest)
     monkeypatch.setattr("app.known_digests.digest_of", no_digest)
     found = opened(model, cache)
@@ -90,27 +90,18 @@ def test_second_start_neither_reads_nor_builds_and_gives_the_same(model, cache, 
     assert found.hierarchy.name == "model.ply"
     assert np.array_equal(found.hierarchy.nodes, built.hierarchy.nodes)
     assert found.build_s == 0.0
-    monkeypatch.setattr("hierarchy.normal_tiles.bake_tiles", no_digest)
-    assert np.array_equal(bake_scene(found, 4, cache=cache).tiles.normals, built.tiles.normals)
 
 
 def test_what_was_found_is_not_written_again(model, cache, said):
-    kept(model, cache, 4)
+    kept(model, cache)
     before = {file.path: file.path.stat().st_ino for file in cached_files(cache.folder)}
-    keep_scene(bake_scene(opened(model, cache), 4, cache=cache), cache)
+    keep_scene(opened(model, cache), cache)
     assert {file.path: file.path.stat().st_ino for file in cached_files(cache.folder)} == before
-
-
-def test_tiles_of_some_nodes_are_not_kept_as_those_of_all(model, cache):
-    built = opened(model, cache)
-    few = bake_scene(built, 4, nodes=np.arange(3, dtype=np.uint32), cache=cache)
-    keep_scene(few, cache)
-    assert not [file for file in cached_files(cache.folder) if ".tiles" in file.path.name]
 
 
 def test_what_is_built_in_no_time_is_not_kept(model, cache, monkeypatch):
     monkeypatch.setattr(scene, "WORTH_KEEPING", 1e9)
-    kept(model, cache, 4)
+    kept(model, cache)
     assert not cache.folder.exists()
 
 
@@ -172,7 +163,6 @@ def test_file_of_another_length_is_not_even_read(model, cache, monkeypatch, tmp_
 def test_texture_that_changes_is_part_of_the_model(cache, tmp_path):
     path = write_obj(tmp_path / "a", 10)
     built = kept(path, cache)
-    assert len(built.provenance.kept) == 0
     assert was_found(opened(path, cache))
     write_obj(tmp_path / "a", 200)
     changed = opened(path, cache)
@@ -345,7 +335,7 @@ def test_use_counts(model, cache):
 
 
 def test_clearing_removes_what_the_cache_wrote_and_nothing_else(model, cache):
-    kept(model, cache, 4)
+    kept(model, cache)
     (cache.folder / "mine.txt").write_text("keep")
     (cache.folder / ".mine.0123456789ab.part").write_text("left by somebody killed")
     assert clear(cache.folder)[0] == 3

@@ -16,12 +16,12 @@ SIZE = (300, 200)
 
 @pytest.fixture(scope="module")
 def scene(torus):
-    return open_scene(ModelSource(torus), None)
+    return open_scene(ModelSource(torus))
 
 
 @pytest.fixture(scope="module")
 def far_scene(far_torus):
-    return open_scene(ModelSource(far_torus), None)
+    return open_scene(ModelSource(far_torus))
 
 
 @pytest.mark.parametrize("orthographic", [False, True])

@@ -366,15 +366,8 @@ def test_no_tile_for_no_node():
     hierarchy = build_hierarchy(bumpy_sphere(4))
     none = bake_tiles(hierarchy, 8, nodes=np.empty(0, np.uint32))
     assert none.count == none.nbytes == 0
-    assert none.tiles_of(np.arange(5, dtype=np.uint32)).tolist() == [-1] * 5
-
-
-def test_leaf_surfels_have_no_tiles():
-    hierarchy = build_hierarchy(rough_sphere(), points=True)
-    tiles = bake_tiles(hierarchy, 4)
-    count = hierarchy.node_count
-    splats = np.array([0, count - 1, count, count + hierarchy.leaf_count - 1], np.uint32)
-    assert tiles.tiles_of(splats).tolist() == [0, count - 1, -1, -1]
+    assert (none.tile_of_node == -1).all()
+    assert none.as_fitted().nbytes == 0
 
 
 def test_corner_that_is_farther_away_than_integers_count_texels():

@@ -10,9 +10,8 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.model import Mesh
-from hierarchy.normal_tiles import bake_tiles
-from hierarchy.soundness import fault_of_hierarchy, fault_of_tiles
-from hierarchy.store import load_hierarchy, load_tiles, read_notes, save_hierarchy, save_tiles
+from hierarchy.soundness import fault_of_hierarchy
+from hierarchy.store import load_hierarchy, read_notes, save_hierarchy
 from hierarchy.tensor_file import DamagedFile, map_tensors, write_tensors
 
 
@@ -53,34 +52,17 @@ def assert_same(a, b, name="hierarchy"):
 
 
 @pytest.mark.parametrize("which", ["closed", "open", "coloured", "points"])
-def test_hierarchy_and_tiles_come_back_as_they_were_to_the_last_field(which, hierarchies, tmp_path):
+def test_hierarchies_come_back_as_they_were_to_the_last_field(which, hierarchies, tmp_path):
     hierarchy = hierarchies[which]
     save_hierarchy(tmp_path / "h", hierarchy, {"a": "b"}, nothing)
     loaded, notes = load_hierarchy(tmp_path / "h")
     assert_same(hierarchy, loaded)
     assert notes == read_notes(tmp_path / "h") == {"a": "b"}
-    tiles = bake_tiles(hierarchy, 4)
-    save_tiles(tmp_path / "t", tiles, nothing)
-    assert_same(tiles, load_tiles(tmp_path / "t", loaded), "tiles")
 
 
 def test_open_model_has_openings_to_keep(hierarchies):
     assert hierarchies["open"].openings is not None
     assert len(hierarchies["open"].openings.caps) > 0
-
-
-def test_each_is_taken_only_for_what_it_is(hierarchies, tmp_path):
-    hierarchy = hierarchies["closed"]
-    save_hierarchy(tmp_path / "h", hierarchy, {}, nothing)
-    save_tiles(tmp_path / "t", bake_tiles(hierarchy, 4), nothing)
-    with pytest.raises(DamagedFile, match="does not hold"):
-        load_hierarchy(tmp_path / "t")
-    with pytest.raises(DamagedFile, match="does not hold"):
-        load_tiles(tmp_path / "h", hierarchy)
-    with pytest.raises(DamagedFile, match="tiles are not those"):
-        load_tiles(tmp_path / "t", hierarchies["open"])
-    with pytest.raises(DamagedFile, match="coloured"):
-        load_tiles(tmp_path / "t", hierarchies["coloured"])
 
 
 def test_another_version_is_refused(hierarchies, tmp_path, monkeypatch):
@@ -164,21 +146,3 @@ def test_arrays_of_unlike_lengths_are_refused(hierarchies):
         replace(closed, radius=float("nan")),
     ):
         assert fault_of_hierarchy(bad) != ""
-
-
-def test_tiles_beyond_their_atlas_are_refused(hierarchies):
-    tiles = bake_tiles(hierarchies["coloured"], 4)
-    nodes = len(tiles.tile_of_node)
-    assert fault_of_tiles(tiles, nodes) == ""
-    beyond = tiles.tile_of_node.copy()
-    beyond[5] = tiles.count
-    for bad in (
-        replace(tiles, tile_of_node=beyond),
-        replace(tiles, count=tiles.count * 1_000_000),
-        replace(tiles, texels=0),
-        replace(tiles, texels=2048),
-        replace(tiles, normals=tiles.normals[:, :512]),
-        replace(tiles, colors=tiles.colors[:0]),
-        replace(tiles, tile_of_node=tiles.tile_of_node[:-1]),
-    ):
-        assert fault_of_tiles(bad, nodes) != ""

@@ -1,6 +1,6 @@
-"""A child process that changes hierarchies and tiles, stores them with checksums that fit, and runs what is accepted.
+"""A child process that changes hierarchies, stores them with checksums that fit, and runs what is accepted.
 
-Arguments: FOLDER SEED CASES. The folder holds `hierarchy` and `tiles`, as hierarchy.store writes them. Prints "refused"
+Arguments: FOLDER SEED CASES. The folder holds `hierarchy`, as hierarchy.store writes it. Prints "refused"
 or "ran" for every case; a crash ends the process, and what has been printed until then tells the case.
 """
 
@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from hierarchy.lod import select_cut
-from hierarchy.normal_tiles import bake_tiles
+from hierarchy.normal_tiles import count_tiles
 from hierarchy.promises import promised_errors
-from hierarchy.store import load_hierarchy, load_tiles
+from hierarchy.store import load_hierarchy
 from hierarchy.tensor_file import DamagedFile, map_tensors, write_tensors
 from hierarchy.view import View, look_at
 
@@ -66,31 +66,24 @@ def views(hierarchy) -> list[View]:
 
 
 def run(folder: Path, rng: np.random.Generator) -> str:
-    """Store a changed hierarchy and changed tiles; run all kernels on what is accepted."""
-    for name in ("hierarchy", "tiles"):
-        tensors, metadata = map_tensors(folder / name)
-        if rng.random() < 0.1:
-            reshape(tensors, rng)
-        else:
-            damage(tensors[rng.choice(sorted(tensors))], rng)
-        write_tensors(
-            folder / "changed", tensors, {k: v for k, v in metadata.items() if k not in ("blocks", "checksum")}
-        )
-        try:
-            if name == "tiles":
-                tiles = load_tiles(folder / "changed", load_hierarchy(folder / "hierarchy")[0])
-                tiles.tiles_of(np.arange(len(tiles.tile_of_node), dtype=np.uint32))
-                return "ran"
-            hierarchy, _ = load_hierarchy(folder / "changed")
-        except DamagedFile:
-            continue
-        for view in views(hierarchy):
-            for r_sil in (0.1, 3.0):
-                cut = select_cut(hierarchy, view, r_sil, 4.0 * r_sil)
-                promised_errors(hierarchy, view, cut, (4, 16))
-        bake_tiles(hierarchy, 4)
-        return "ran"
-    return "refused"
+    """Store a changed hierarchy; run all kernels on it if it is accepted."""
+    tensors, metadata = map_tensors(folder / "hierarchy")
+    if rng.random() < 0.1:
+        reshape(tensors, rng)
+    else:
+        damage(tensors[rng.choice(sorted(tensors))], rng)
+    kept = {k: v for k, v in metadata.items() if k not in ("blocks", "checksum")}
+    write_tensors(folder / "changed", tensors, kept)
+    try:
+        hierarchy, _ = load_hierarchy(folder / "changed")
+    except DamagedFile:
+        return "refused"
+    for view in views(hierarchy):
+        for r_sil in (0.1, 3.0):
+            cut = select_cut(hierarchy, view, r_sil, 4.0 * r_sil)
+            promised_errors(hierarchy, view, cut, (4, 16))
+    count_tiles(hierarchy, 4)
+    return "ran"
 
 
 def main() -> None:

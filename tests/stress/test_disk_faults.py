@@ -66,15 +66,13 @@ def failing(monkeypatch):
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory) -> Scene:
-    return open_scene(ModelSource(small_model(tmp_path_factory.mktemp("model") / "small.ply")), 2)
+    return open_scene(ModelSource(small_model(tmp_path_factory.mktemp("model") / "small.ply")))
 
 
 def fresh(built: Scene, cache: Cache) -> Scene:
     """The scene as if it had just been built."""
-    opened = open_scene(built.source, None)
-    return Scene(
-        opened.source, built.content, built.hierarchy, built.tiles, opened.load_s, 1.0, 1.0, opened.provenance
-    )  # fmt: skip
+    opened = open_scene(built.source)
+    return Scene(opened.source, built.content, built.hierarchy, opened.load_s, 1.0, opened.provenance)
 
 
 def leftovers(folder: Path) -> int:

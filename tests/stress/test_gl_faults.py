@@ -18,13 +18,14 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
+from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View, look_at
 from renderer.allocation import GpuError
+from renderer.cut_tiles import CutTiles
 from renderer.limits import Limits, blends_floats, probe_limits
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture, release_picture
-from renderer.tile_slots import TileSlots
 
 SIZE = (96, 72)
 SMALL = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
@@ -45,15 +46,25 @@ def view_of(hierarchy: Hierarchy, azimuth: float = 0.5, distance: float = 2.4) -
 
 
 @contextmanager
-def drawing(ctx: moderngl.Context, limits: Limits, hierarchy: Hierarchy, tiles: NormalTiles) -> Iterator[Callable]:
-    """Give draw(view, settings, r_inner), which returns the picture, and the renderer as draw.renderer."""
+def drawing(
+    ctx: moderngl.Context, limits: Limits, hierarchy: Hierarchy, tiles: NormalTiles | None
+) -> Iterator[Callable]:
+    """Give draw(view, settings, r_inner), which returns the picture, and the renderer as draw.renderer.
+
+    tiles : None: those of each cut are baked
+    """
     renderer = Renderer(ctx, limits)
     renderer.set_hierarchy(hierarchy)
-    renderer.set_tiles(tiles)
+    cut_tiles = CutTiles(renderer, hierarchy, 32) if tiles is None else None
+    if tiles is not None:
+        renderer.set_tiles(tiles)
     target = make_picture(ctx, limits, SIZE)
 
     def draw(view: View, settings: Settings = Settings(), r_inner: float = 8.0) -> np.ndarray:  # noqa: B008
-        renderer.draw(select_cut(hierarchy, view, 1.0, r_inner), view, settings, target)
+        cut = select_cut(hierarchy, view, 1.0, r_inner)
+        if cut_tiles is not None:
+            cut_tiles.bring(cut, view)
+        renderer.draw(cut, view, settings, target)
         return np.frombuffer(target.read(components=4), np.uint8).reshape(SIZE[1], SIZE[0], 4).astype(int)
 
     draw.renderer = renderer
@@ -62,23 +73,29 @@ def drawing(ctx: moderngl.Context, limits: Limits, hierarchy: Hierarchy, tiles: 
     renderer.release()
 
 
-def test_tiles_of_the_cut_are_brought_where_there_is_room_for_no_more(ctx, model, ledger: Ledger, amount) -> None:
-    hierarchy, tiles = model
-    layer = tiles.normals[0].nbytes
+def test_tiles_of_the_cut_are_brought_where_there_is_room_for_no_more(ctx, ledger: Ledger, amount) -> None:
+    """A rough model all of whose tiles need several layers."""
+    rough = make_meteoroid(60_000)
+    normals = rough.normals + 0.4 * np.random.default_rng(3).normal(size=rough.normals.shape).astype(np.float32)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    hierarchy = build_hierarchy(replace(rough, normals=normals, colors=None))
+    layer = 2 * LAYER_SIZE**2
     views = [view_of(hierarchy, azimuth) for azimuth in np.linspace(0.0, 6.0, amount(4, 200))]
     # Back to the first ones, whose tiles have had to make room.
     views += views[:2]
-    with drawing(ctx, SMALL, hierarchy, tiles) as draw:
-        expected = [draw(view) for view in views]
-    with drawing(ctx, replace(SMALL, tile_bytes=layer), hierarchy, tiles) as draw:
-        drawn = [draw(view) for view in views]
+    with drawing(ctx, SMALL, hierarchy, None) as draw:
+        expected = [draw(view, r_inner=16.0) for view in views]
+        assert draw.renderer._tiles.nbytes > layer
+    with drawing(ctx, replace(SMALL, tile_bytes=layer), hierarchy, None) as draw:
+        drawn = [draw(view, r_inner=16.0) for view in views]
         assert draw.renderer.shortcomings == []
         assert draw.renderer._tiles.nbytes == layer
     worst = max(np.abs(one - other).max() for one, other in zip(drawn, expected, strict=True))
-    # A texel's place in the texture may turn the rounding of its filter.
+    # A texel's place in the texture may turn the rounding of its filter; and a tile may be here that was baked with
+    # more texels for another view.
     ledger.record(
         "faults", "memory for tiles", "one layer of the atlas for a model with several, an orbit", cases=len(views),
-        worst=worst, bound=1, unit="grey levels",
+        worst=worst, bound=6, unit="grey levels",
     )  # fmt: skip
 
 
@@ -88,9 +105,10 @@ def test_more_tiles_in_one_frame_than_there_is_room_for(ctx, model) -> None:
     with drawing(ctx, SMALL, hierarchy, tiles) as draw:
         whole = draw(near)
         plain = draw(near, Settings(normal_mapping=False))
-    with drawing(ctx, limits, hierarchy, tiles) as draw:
-        # Room for four tiles, those of the four largest nodes.
-        draw.renderer._tiles._slots = TileSlots(tiles.count, 4)
+    splats = select_cut(hierarchy, near, 1.0, 8.0).splats
+    four = np.sort(splats[splats < hierarchy.node_count])[:4]
+    # A layer has room for four such tiles: those of the four largest nodes.
+    with drawing(ctx, limits, hierarchy, bake_tiles(hierarchy, 512, nodes=four)) as draw:
         before = draw(near)
         (line,) = draw.renderer.shortcomings
         assert "one normal each" in line

@@ -24,7 +24,7 @@ INTERRUPTED = (130, -signal.SIGINT)
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory) -> Scene:
-    return open_scene(ModelSource(small_model(tmp_path_factory.mktemp("model") / "small.ply", 5_000)), None)
+    return open_scene(ModelSource(small_model(tmp_path_factory.mktemp("model") / "small.ply", 5_000)))
 
 
 def run(line: list[str], delay: float | None, folder: Path) -> tuple[int, str, float]:
