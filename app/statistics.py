@@ -73,7 +73,12 @@ class Shot:
 
 
 def draw_frames(
-    renderer: Renderer, framebuffer: moderngl.Framebuffer, shot: Shot, radii: Radii, count: int, progress: Progress = ignore_progress
+    renderer: Renderer,
+    framebuffer: moderngl.Framebuffer,
+    shot: Shot,
+    radii: Radii,
+    count: int,
+    progress: Progress = ignore_progress,
 ) -> tuple[Cut, list[FrameTimes]]:
     """Draw the same frame `count` times, each from the selection on; return the last cut and the times.
 

@@ -85,7 +85,9 @@ def _facing(centres, normals, eye, first) -> UInt32Array:  # type: ignore[no-unt
 
 METHODS = {
     "surfelscope": Method("silhouette-refined selection, normal tiles, blended quads", _select),
-    "tiles of one size": Method("the same with w_s x w_s texels a tile (Holst and Schumann 2007)", _select, fitted=False),
+    "tiles of one size": Method(
+        "the same with w_s x w_s texels a tile (Holst and Schumann 2007)", _select, fitted=False
+    ),
     "not blended": Method("the same in one pass: the nearest splat shows", _select, Settings(blending=False)),
     "no tiles": Method("the same without normal mapping", _select, FLAT, tiles=False),
     "one radius": Method(

@@ -79,16 +79,20 @@ def sweep(run: Run) -> str:
 
 def fitted_tiles(run: Run) -> str:
     """Return bytes and error of tiles of as few texels as will do beside those of tiles of one size, of every model."""
-    rows = []
-    for model in run.models:
-        points = points_of(run, model)
-        for one in of_method(points, "tiles of one size"):
-            s = one.setting
-            for p in of_method(points, "surfelscope", r_sil=s.r_sil, r_inner=s.r_inner, w_s=s.w_s):
-                rows.append(
-                    (model, f"{s.w_s}", f"{one.error:.3f}", f"{p.error:.3f}",
-                     *_saved(one.tile_bytes, p.tile_bytes), *_saved(one.cut_tile_bytes, p.cut_tile_bytes))
-                )  # fmt: skip
+    pairs = [
+        (model, one, fitted)
+        for model in run.models
+        for one in of_method(points_of(run, model), "tiles of one size")
+        for fitted in of_method(
+            points_of(run, model), "surfelscope",
+            r_sil=one.setting.r_sil, r_inner=one.setting.r_inner, w_s=one.setting.w_s,
+        )
+    ]  # fmt: skip
+    rows = [
+        (model, f"{p.setting.w_s}", f"{one.error:.3f}", f"{p.error:.3f}",
+         *_saved(one.tile_bytes, p.tile_bytes), *_saved(one.cut_tile_bytes, p.cut_tile_bytes))
+        for model, one, p in pairs
+    ]  # fmt: skip
     header = ("", "w_s", "mean error, one size", "fitted", "all tiles, one size", "fitted", "of it",
               "drawn, one size", "fitted", "of it")  # fmt: skip
     return table(header, rows) if rows else ""

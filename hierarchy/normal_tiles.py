@@ -100,7 +100,7 @@ class FittedTiles:
     @property
     def nbytes(self) -> int:
         texels = sum(array.nbytes for array in (*self.normals.values(), *self.colors.values()))
-        return texels + self.count * self.spreads.shape[1]
+        return int(texels + self.count * self.spreads.shape[1])
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class TileBaker:
         sides, spreads = np.empty(len(nodes), np.int32), np.zeros((len(nodes), 4), np.uint8)
         tables = tuple(vars(self._tables).values())
         bake = fit_at_once if at_once else fit_in_turn
-        bake(*self._model, self._own_colors, nodes, most, tables, normals, colors, spreads, sides)
+        bake(*self._model, self._own_colors, nodes, most, tables, normals, colors, (spreads, sides))
         found, of_normals, of_colors = np.unique(sides[sides > 0]), {}, {}
         for side in found.tolist():
             here = np.flatnonzero(sides == side)

@@ -13,7 +13,6 @@ import numpy as np
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Leaves, Triangles
 from hierarchy.spreads import SCALES
-from hierarchy.tile_kernels import LAYER_SIZE
 
 # Kernels that go down first have a stack of 128 nodes: enough for binary trees of so many levels.
 MOST_LEVELS = 127

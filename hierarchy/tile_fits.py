@@ -32,7 +32,7 @@ PRICE = math.radians(0.4)
 # Tiles are fitted by tiles of these texels a side; a fit takes the square of the square of it.
 COARSER = (2, 4, 8, 16)
 # Texels that are no further apart than this, in pixels, are enough.
-TEXEL_PIXELS = 2.0
+TEXEL_PIXELS = 1.6
 # Weight of the differences of neighbouring texels in the fit.
 SMOOTHNESS = 1e-3
 
@@ -88,10 +88,18 @@ def fit_tables(texels: int) -> FitTables:
     return FitTables(np.array(sides, np.int32), lows, shares, flat, begins)
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
-def _reach2(texels):  # type: ignore[no-untyped-def]
+def _reach2(texels: int) -> float:
     """Return the square of the distance, in radii, up to which texels count: those that the disc's rim lies between."""
-    return (1.0 + 2.0 / (texels - 1)) ** 2
+    return float((1.0 + 2.0 / max(texels - 1, 1)) ** 2)
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _row(y, texels):  # type: ignore[no-untyped-def]
+    """Return the first of the texels of row y that count and the one behind the last."""
+    half = 0.5 * (texels - 1)
+    wide = math.sqrt(max((half + 1.0) ** 2 - (y - half) ** 2, 0.0))
+    first = max(math.ceil(half - wide), 0)
+    return first, texels - first
 
 
 @nb.njit(cache=True, nogil=True)
@@ -99,7 +107,7 @@ def _encode(nearest, sums, frame, triangles, values, units):  # type: ignore[no-
     """Turn sums into what the texels store, not yet rounded, and unit normals.
 
     values : float32 (C, w, w): the two bytes of the normal less BYTE_ZERO, and red, green, blue and alpha
-    units : float32 (w, w, 3), in the disc's frame
+    units : float32 (3, w, w), in the disc's frame
     """
     texels = len(nearest)
     channels = len(values)
@@ -107,8 +115,8 @@ def _encode(nearest, sums, frame, triangles, values, units):  # type: ignore[no-
         for x in range(texels):
             if nearest[y, x] == np.inf if triangles else nearest[y, x] <= 0.0:
                 values[:, y, x] = 0.0
-                units[y, x, 0] = units[y, x, 1] = 0.0
-                units[y, x, 2] = 1.0
+                units[0, y, x] = units[1, y, x] = 0.0
+                units[2, y, x] = 1.0
                 continue
             a = sums[y, x, 0] * frame[0, 0] + sums[y, x, 1] * frame[0, 1] + sums[y, x, 2] * frame[0, 2]
             b = sums[y, x, 0] * frame[1, 0] + sums[y, x, 1] * frame[1, 1] + sums[y, x, 2] * frame[1, 2]
@@ -119,7 +127,7 @@ def _encode(nearest, sums, frame, triangles, values, units):  # type: ignore[no-
             a, b, c = a / total, b / total, c / total
             values[0, y, x], values[1, y, x] = BYTE_SCALE * (a + b), BYTE_SCALE * (a - b)
             norm = math.sqrt(a * a + b * b + c * c)
-            units[y, x, 0], units[y, x, 1], units[y, x, 2] = a / norm, b / norm, c / norm
+            units[0, y, x], units[1, y, x], units[2, y, x] = a / norm, b / norm, c / norm
             weight = 1.0 if triangles else nearest[y, x]
             for k in range(2, channels):
                 values[k, y, x] = sums[y, x, k + 1] / weight
@@ -132,23 +140,22 @@ def _fit(values, low, share, inverse, side, fitted):  # type: ignore[no-untyped-
     values : float32 (C, w, w); fitted : float32 (C, side^2)
     """
     channels, texels = len(values), values.shape[1]
+    one = np.float32(1.0)
     sums = np.zeros((channels, side * side), np.float32)
-    reach2 = _reach2(texels)
-    scale = 2.0 / (texels - 1)
+    row = np.empty(side, np.float32)
     for y in range(texels):
-        v = y * scale - 1.0
-        for x in range(texels):
-            u = x * scale - 1.0
-            if u * u + v * v > reach2:
-                continue
-            at = low[y] * side + low[x]
-            sx, sy = share[x], share[y]
-            for k in range(channels):
+        first, last = _row(y, texels)
+        upper, lower = low[y] * side, (low[y] + 1) * side
+        for k in range(channels):
+            row[:] = 0.0
+            for x in range(first, last):
                 value = values[k, y, x]
-                sums[k, at] += (1 - sy) * (1 - sx) * value
-                sums[k, at + 1] += (1 - sy) * sx * value
-                sums[k, at + side] += sy * (1 - sx) * value
-                sums[k, at + side + 1] += sy * sx * value
+                right = share[x] * value
+                row[low[x]] += value - right
+                row[low[x] + 1] += right
+            for j in range(side):
+                sums[k, upper + j] += (one - share[y]) * row[j]
+                sums[k, lower + j] += share[y] * row[j]
     count = side * side
     for k in range(channels):
         fitted[k, :count] = 0.0
@@ -196,38 +203,38 @@ def _error(values, units, low, share, side, fitted, own):  # type: ignore[no-unt
     nowhere by more than `WORST` and `WORST_COLOR`.
     """
     channels, texels = len(values), values.shape[1]
-    reach2 = _reach2(texels)
-    scale = 2.0 / (texels - 1)
+    one, half, whole = np.float32(1.0), np.float32(0.5 / BYTE_SCALE), np.float32(1.0 / 255.0)
     most, most_color = np.float32(0.0), np.float32(0.0)
     total, total_color, count = np.float32(0.0), np.float32(0.0), 0
-    near = np.zeros(6, np.float32)
+    line = np.empty((channels, side + 1), np.float32)
+    near = np.empty((channels, texels), np.float32)
     for y in range(texels):
-        v = y * scale - 1.0
-        for x in range(texels):
-            u = x * scale - 1.0
-            if u * u + v * v > reach2:
+        first, last = _row(y, texels)
+        count += last - first
+        for k in range(channels):
+            if side == 1:
+                near[k, :] = fitted[k, 0]
                 continue
-            count += 1
-            for k in range(channels):
-                if side == 1:
-                    near[k] = fitted[k, 0]
-                else:
-                    at, sx, sy = low[y] * side + low[x], share[x], share[y]
-                    upper = fitted[k, at] + sx * (fitted[k, at + 1] - fitted[k, at])
-                    lower = fitted[k, at + side] + sx * (fitted[k, at + side + 1] - fitted[k, at + side])
-                    near[k] = upper + sy * (lower - upper)
-            a, b = (near[0] + near[1]) * np.float32(0.5 / BYTE_SCALE), (near[0] - near[1]) * np.float32(0.5 / BYTE_SCALE)
-            c = np.float32(1.0) - abs(a) - abs(b)
-            norm = math.sqrt(a * a + b * b + c * c)
-            dx, dy, dz = a / norm - units[y, x, 0], b / norm - units[y, x, 1], c / norm - units[y, x, 2]
+            upper, lower = low[y] * side, (low[y] + 1) * side
+            for j in range(side):
+                line[k, j] = fitted[k, upper + j] + share[y] * (fitted[k, lower + j] - fitted[k, upper + j])
+            for x in range(first, last):
+                left = line[k, low[x]]
+                near[k, x] = left + share[x] * (line[k, low[x] + 1] - left)
+        for x in range(first, last):
+            a, b = (near[0, x] + near[1, x]) * half, (near[0, x] - near[1, x]) * half
+            c = one - abs(a) - abs(b)
+            scale = one / math.sqrt(a * a + b * b + c * c)
+            dx, dy, dz = a * scale - units[0, y, x], b * scale - units[1, y, x], c * scale - units[2, y, x]
             off = dx * dx + dy * dy + dz * dz
             total += off
             most = max(most, off)
-            if channels > 2:
-                clear = (values[5, y, x] - near[5]) / np.float32(255.0)
+        if channels > 2:
+            for x in range(first, last):
+                clear = (values[5, y, x] - near[5, x]) * whole
                 off = np.float32(0.0)
                 for k in range(3):
-                    d = values[2 + k, y, x] - near[2 + k] - clear * own[k]
+                    d = values[2 + k, y, x] - near[2 + k, x] - clear * own[k]
                     off = max(off, d * d)
                 total_color += off
                 most_color = max(most_color, off)
@@ -236,8 +243,9 @@ def _error(values, units, low, share, side, fitted, own):  # type: ignore[no-unt
 
 
 @nb.njit(cache=True, nogil=True)
-def _store_tile(fitted, side, spread, out_normals, out_colors, out_spread):  # type: ignore[no-untyped-def]
-    """Store the bytes of a tile that `_round` has rounded, from the front of the arrays on."""
+def _store_tile(fitted, side, spread, out):  # type: ignore[no-untyped-def]
+    """Store the bytes of a tile that `_round` has rounded, from the front of the arrays on, and its spread."""
+    out_normals, out_colors, out_spread = out
     for k in range(2):
         factor = 255.0 / spread[2 + k]
         for i in range(side * side):
@@ -249,21 +257,22 @@ def _store_tile(fitted, side, spread, out_normals, out_colors, out_spread):  # t
 
 
 @nb.njit(cache=True, nogil=True)
-def _bake_fitted(nodes, disc_normals, leaves, triangles, own_colors, node, most, tables, out_normals, out_colors, out_spread):  # type: ignore[no-untyped-def]
+def _bake_fitted(model, node, most, tables, out):  # type: ignore[no-untyped-def]
     """Bake a node's tile with as few texels as will do; return how many along one side, 0 where its own normal will.
 
     most : texels along one side at most, one of the sides
-    out_normals, out_colors : uint8, flat, the texels come first in them; colours: where there are any
-    out_spread : uint8 (4,), of `_round`
+    out : where to store normals and colours, uint8, flat, the texels first, no colours where there are none; and what
+        `_round` says of the normals, uint8 (4,)
     """
+    nodes, disc_normals, leaves, triangles, own_colors = model
     sides, lows, shares, inverses, begins = tables
-    channels = 6 if len(out_colors) > 0 else 2
+    channels = 6 if len(out[1]) > 0 else 2
     frame = np.empty((3, 3), np.float64)
     nearest = np.empty((most, most))
     sums = np.empty((most, most, 1 + channels if channels > 2 else 3))
     sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums)
     values = np.empty((channels, most, most), np.float32)
-    units = np.empty((most, most, 3), np.float32)
+    units = np.empty((3, most, most), np.float32)
     _encode(nearest, sums, frame, triangles, values, units)
     fitted = np.zeros((channels, most * most), np.float32)
     own = np.zeros(3, np.float32)
@@ -277,7 +286,7 @@ def _bake_fitted(nodes, disc_normals, leaves, triangles, own_colors, node, most,
     for k in range(channels):
         fitted[k] = values[k].ravel()
     _round(fitted, most * most, spread)
-    _store_tile(fitted, most, spread, out_normals, out_colors, out_spread)
+    _store_tile(fitted, most, spread, out)
     if most == 1:
         return 1
     # What a radian is worth, in texels.
@@ -299,34 +308,31 @@ def _bake_fitted(nodes, disc_normals, leaves, triangles, own_colors, node, most,
         error, fair = _error(values, units, low, share, side, fitted, own)
         if fair and side * side + worth * error <= cheapest:
             best, cheapest = side, side * side + worth * error
-            _store_tile(fitted, side, spread, out_normals, out_colors, out_spread)
+            _store_tile(fitted, side, spread, out)
     return best
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def fit_at_once(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, tables, normals, colors, spreads, sides):  # type: ignore[no-untyped-def]
+def fit_at_once(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, tables, normals, colors, rest):  # type: ignore[no-untyped-def]
     """Bake tiles on all cores. No other parallel kernel may run meanwhile.
 
     wanted, most : uint32 and int32 (K,), nodes and how many texels a side their tiles may have
     normals, colors : uint8 (K, largest^2 * 2) and (K, largest^2 * 4) or no rows, are filled from the front
-    spreads : uint8 (K, 4), is set to the `_round` of each
-    sides : int32 (K,), is set to the texels along one side of each tile
+    rest : uint8 (K, 4), is set to the `_round` of each; int32 (K,), to the texels along one side
     """
     for i in nb.prange(len(wanted)):
-        color = colors[i] if len(colors) > 0 else normals[0, :0]
-        sides[i] = _bake_fitted(
-            nodes, disc_normals, leaves, triangles, own_colors, wanted[i], most[i], tables, normals[i], color, spreads[i]
-        )
+        model = (nodes, disc_normals, leaves, triangles, own_colors)
+        out = (normals[i], colors[i] if len(colors) > 0 else normals[0, :0], rest[0][i])
+        rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, out)
 
 
 @nb.njit(cache=True, nogil=True)
-def fit_in_turn(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, tables, normals, colors, spreads, sides):  # type: ignore[no-untyped-def]
+def fit_in_turn(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, tables, normals, colors, rest):  # type: ignore[no-untyped-def]
     """Do the same on one core, whatever the others do."""
     for i in range(len(wanted)):
-        color = colors[i] if len(colors) > 0 else normals[0, :0]
-        sides[i] = _bake_fitted(
-            nodes, disc_normals, leaves, triangles, own_colors, wanted[i], most[i], tables, normals[i], color, spreads[i]
-        )
+        model = (nodes, disc_normals, leaves, triangles, own_colors)
+        out = (normals[i], colors[i] if len(colors) > 0 else normals[0, :0], rest[0][i])
+        rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, out)
 
 
 @nb.njit(cache=True, nogil=True)

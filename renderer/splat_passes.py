@@ -96,8 +96,8 @@ class Variant:
 class CutBuffers:
     """The cut of a frame on the GPU, uploaded once for both passes.
 
-    splats : splat, place of its tile and spread of that for each splat, uint32, int32 and four bytes; a place below 0: no
-        tile
+    splats : for each splat its number, uint32, the place of its tile, int32, below 0: it has none, and the four bytes
+        of the tile's spread
     indices : of the leaf triangles' vertices
     """
 

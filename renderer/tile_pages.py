@@ -107,7 +107,8 @@ class TilePages:
         needless = tiles.nodes[tiles.sides == 0]
         self._place_of_node[needless] = NEEDLESS
         self._baked_as[needless] = tiles.most[tiles.sides == 0]
-        return all([self._add(tiles, side) for side in tiles.normals])
+        fits = [self._add(tiles, side) for side in tiles.normals]
+        return all(fits)
 
     def _add(self, tiles: FittedTiles, side: int) -> bool:
         here = np.flatnonzero(tiles.sides == side)
@@ -198,8 +199,8 @@ class TilePages:
     def places_of(self, splats: UInt32Array) -> tuple[Int32Array, UInt32Array]:
         """Return where the tiles of a cut's splats lie, and what their bytes stand for.
 
-        Returns int32 (K,), the places in the textures (tile_places.py), below 0: nowhere; and uint32 (K,), the four bytes
-        of `FittedTiles.spreads`.
+        Returns int32 (K,), the places in the textures (tile_places.py), below 0: nowhere; and uint32 (K,), the four
+        bytes of `FittedTiles.spreads`.
         """
         places = np.full(len(splats), NO_TILE, np.int32)
         is_node = splats < len(self._place_of_node)

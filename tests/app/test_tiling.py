@@ -61,6 +61,8 @@ def picture(renderer, hierarchy, turn=0.0):
 
 
 def test_pictures_are_those_of_all_tiles_once_those_of_the_cut_are_there(renderer, hierarchy):
+    renderer.set_tiles(bake_tiles(hierarchy, 32))
+    best = picture(renderer, hierarchy)
     renderer.set_tiles(bake_tiles(hierarchy, 8))
     expected = picture(renderer, hierarchy)
     tiling = Tiling(renderer, lambda: None)
@@ -73,10 +75,14 @@ def test_pictures_are_those_of_all_tiles_once_those_of_the_cut_are_there(rendere
     found = picture(renderer, hierarchy)
     covered = expected.coverage > 0.0
     assert np.array_equal(found.coverage > 0.0, covered)
-    cosines = np.clip(np.sum(found.normal * expected.normal, axis=-1)[covered], -1.0, 1.0)
-    degrees = np.degrees(np.arccos(cosines))
-    assert degrees.mean() < 0.3
-    assert np.percentile(degrees, 99.0) < 1.5
+
+    def degrees(frame):
+        cosines = np.clip(np.sum(frame.normal * best.normal, axis=-1)[covered], -1.0, 1.0)
+        return np.degrees(np.arccos(cosines))
+
+    # As close to the best picture as tiles of one size are.
+    assert degrees(found).mean() < 1.1 * degrees(expected).mean()
+    assert np.percentile(degrees(found), 99.0) < 1.3 * np.percentile(degrees(expected), 99.0)
     # What has been baked is not baked again.
     assert tiling.follow(hierarchy, 8, cut, view) == 0
     assert not tiling.busy
@@ -199,11 +205,11 @@ def test_least_recently_drawn_pages_make_room(renderer, hierarchy):
     assert missing_of(pages, nodes[:32]).tolist() == list(range(16))
     assert len(missing_of(pages, nodes[32:192])) == 0
     pages.mark(nodes[16:176])
-    for first in (272, 288, 304, 320, 336):
+    for first in (272, 288, 304, 320, 336, 352):
         assert pages.add(tiles_of_one_size(nodes[first : first + 16], 64))
     assert len(missing_of(pages, nodes[16:176])) == 0
-    assert not pages.add(tiles_of_one_size(nodes[352:368], 64))
-    assert len(missing_of(pages, nodes[352:368])) == 16
+    assert not pages.add(tiles_of_one_size(nodes[368:384], 64))
+    assert len(missing_of(pages, nodes[368:384])) == 16
     # What is baked twice moves, and is not lost with the page where it was.
     pages.clear()
     pages.mark(nodes[:16])

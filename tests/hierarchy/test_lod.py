@@ -13,21 +13,10 @@ from small_models import box, bumpy_sphere, cloud_of, icosphere, mesh_of, surfel
 
 from hierarchy.build import build_hierarchy
 from hierarchy.cones import EVERYTHING
+from hierarchy.facing import BACK, FRONT, SILHOUETTE, classify_cone, classify_cone_printed
 from hierarchy.leaves import Triangles
-from hierarchy.lod import (
-    BACK,
-    BENT_COSINE,
-    BOTH_SIDES,
-    FRONT,
-    PARALLAX,
-    PARALLAX_OF_R_SIL,
-    RELIEF_OF_R_SIL,
-    SILHOUETTE,
-    classify_cone,
-    classify_cone_printed,
-    frustum_planes,
-    select_cut,
-)
+from hierarchy.lod import frustum_planes, select_cut
+from hierarchy.traversal import BENT_COSINE, BOTH_SIDES, PARALLAX, PARALLAX_OF_R_SIL, RELIEF_OF_R_SIL
 from hierarchy.view import look_at
 
 

@@ -14,18 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hierarchy.cones import EVERYTHING
+from hierarchy.facing import BACK, FRONT, SILHOUETTE
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
-from hierarchy.lod import (
-    BACK,
-    BENT_COSINE,
-    BOTH_SIDES,
-    FRONT,
-    PARALLAX,
-    PARALLAX_OF_R_SIL,
-    RELIEF_OF_R_SIL,
-    SILHOUETTE,
-)
+from hierarchy.traversal import BENT_COSINE, BOTH_SIDES, PARALLAX, PARALLAX_OF_R_SIL, RELIEF_OF_R_SIL
 from hierarchy.view import View
 from hierarchy.visible_openings import GRID, hidden_backs
 

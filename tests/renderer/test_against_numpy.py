@@ -192,7 +192,9 @@ def by_hand(
     tile_of_node = np.arange(count, dtype=np.int32)
     tiles = NormalTiles(4, count, tile_of_node, np.zeros((1, LAYER_SIZE, LAYER_SIZE, 2), np.uint8), None)
     tiles.normals[:] = np.random.default_rng(7).integers(48, 208, tiles.normals.shape)
-    return dataclasses.replace(build_hierarchy(cloud), splats=splats), tiles
+    built = build_hierarchy(cloud)
+    # As many nodes as have tiles.
+    return dataclasses.replace(built, splats=splats, nodes=np.resize(built.nodes, count)), tiles
 
 
 def cut_of(hierarchy: Hierarchy, silhouette: int = 0) -> Cut:

@@ -115,7 +115,8 @@ class Worker:
         environment = {
             **kept,
             **{key: str(self.root / name) for key, name in folders.items()},
-            "NUMBA_NUM_THREADS": str(min(os.cpu_count() or 1, 2)),
+            # Of small models the second thread does nothing but wait, which takes a core from the next worker.
+            "NUMBA_NUM_THREADS": "1",
         }
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("file_worker.py"))],

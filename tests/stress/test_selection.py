@@ -13,7 +13,8 @@ from edge_on import EDGE_ON, PIXELS, visible_thickness
 
 from hierarchy.cones import EVERYTHING
 from hierarchy.facing import BACK, FRONT, SILHOUETTE, classify_cone, classify_cone_printed, faces_away
-from hierarchy.lod import _outside, frustum_planes
+from hierarchy.lod import frustum_planes
+from hierarchy.traversal import NOT_SEEN, _crossed
 from hierarchy.view import View, look_at
 
 # Nearer to its limit than this (radians), a cone is judged in sixty digits: long doubles have nineteen.
@@ -147,7 +148,7 @@ def test_the_frustum_culls_no_visible_point(ledger, amount, rng):
         inside = pixels_inside(view, centres + share[:, None] * offset)
         for centre, radius, depth_inside in zip(centres, radii, inside, strict=True):
             x, y, z = centre - view.eye
-            if depth_inside > worst and _outside(planes, x, y, z, np.float64(radius)):
+            if depth_inside > worst and _crossed(planes, 31, x, y, z, np.float64(radius)) == NOT_SEEN:
                 worst = float(depth_inside)
     tried = "points and spheres on the border, fov 1 to 170 degrees and parallel, 1e6 radii away, 16,384 pixels"
     ledger.record("kernels", "frustum culling", tried, cases=views * points, worst=worst, bound=SLIVER, unit="px")
