@@ -48,7 +48,7 @@ class Options:
     command : "window", "render", "info" or "cache"
     model : path of the model, None: the built-in one
     r_sil, r_inner : largest radii in pixels of silhouette and other surfels
-    texels : texels along one side of a normal tile, the paper's w_s
+    texels : most texels along one side of a normal tile, the paper's w_s
     baked_texels : the same of the tiles to bake for all nodes, None: none (info)
     max_error : largest mean error in degrees (normals) and pixels (outline) that the three follow from, None: they are
         as given
@@ -56,7 +56,7 @@ class Options:
     splat : one of SPLATS
     printed_cone_test : tell the silhouette by the test as printed in the paper
     points : build a point hierarchy from a mesh, too
-    tile_memory : MB (1e6 bytes) of graphics memory that the normal tiles may take, None: 134 in the window, else all
+    tile_memory : MB (1e6 bytes) of graphics memory that the normal tiles may take, None: 134
     resolution : width and height in pixels, None: not given
     outputs : files to write (render)
     frames : how many to draw (render)
@@ -199,7 +199,7 @@ def _add_model_options(parser: argparse.ArgumentParser, command: str) -> None:
         type=option_values.texels,
         help="bake the tiles of all nodes, too: N texels a side"
         if command == "info"
-        else "texels along one side of a normal tile (16)",
+        else "most texels along one side of a normal tile (16)",
     )
     group.add_argument(
         "--no-cache", dest="cache", action="store_false", help="build the model anew, and do not keep it"
@@ -219,7 +219,7 @@ def _add_picture_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--tile-memory", metavar="MB", type=option_values.whole(1, 1_000_000),
-        help="most graphics memory that the normal tiles may take (134 in the window, else all there is)",
+        help="most graphics memory that the normal tiles may take (134)",
     )  # fmt: skip
     group.add_argument(
         "--resolution", metavar="W,H", type=option_values.resolution, help="size of the picture in pixels"

@@ -113,7 +113,7 @@ def _detail(state: ViewerState, scene: Scene | None, scale: float) -> None:
 
 def _texels(texels: int, scale: float) -> int:
     """Return the texels along one side of a tile, one of TEXELS."""
-    _label("w_s", "Texels along one side of a normal tile; after a change those in view are baked anew", scale)
+    _label("w_s", "Most texels along one side of a normal tile; after a change those in view are baked anew", scale)
     imgui.set_next_item_width(-VALUE_WIDTH * scale)
     chosen = TEXELS.index(texels) if texels in TEXELS else 0
     # A slider of whole numbers would have a handle as wide as a step.

@@ -86,6 +86,7 @@ def draw_frames(
     """
     if shot.tiles is not None:
         shot.tiles.bring(shot.cut(radii), shot.view, progress)
+    progress("Drawing", 0.0)
     times = []
     for _ in range(count):
         start = time.perf_counter()

@@ -1,9 +1,10 @@
 """The fewest texels that show a node's normals: none, or a tile of 2, 4, 8, ... up to w_s texels a side.
 
 A tile is baked with as many texels as the view can show and then fitted by coarser ones, least squares over the disc.
-The first that stays within `TOLERANCE` of it is taken. A tile of 2 x 2 texels is the linear field of Botsch et al.
-2004, "Phong Splatting", eq. 2-4, with a bilinear term besides; what the fit leaves open at the corners, where no texel
-of the disc is, is made smooth instead of small (they take the pseudo-inverse).
+Taken is the one whose texels and whose error, at the price of `PRICE`, are least together: where every tile is, tiles of
+as many bytes altogether have the least error over all pixels. A tile of 2 x 2 texels is the linear field of Botsch et
+al. 2004, "Phong Splatting", eq. 2-4, with a bilinear term besides; what the fit leaves open at the corners, where no
+texel of the disc is, is made smooth instead of small (they take the pseudo-inverse).
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ WORST, WORST_COLOR = math.radians(6.0), 24.0
 LEVEL = math.radians(0.25)
 # What rounding to bytes alone makes a tile differ from the normals baked, in radians.
 ROUNDING = math.radians(0.15)
-# Radians that a texel has to save, on a splat whose picture is as wide as its tile has texels at most: the coarser
-# tile is taken where what the finer one saves, over all its pixels, is less.
+# By how many radians each texel has to lower the error of a splat whose picture is as many pixels wide as its tile may
+# have texels. At 0.12, 0.25 and 0.4 degrees the drawn tiles of Igea have 0.54, 0.39 and 0.29 of the bytes of tiles of
+# one size, and its mean error is 0.37, 0.38 and 0.39 degrees instead of 0.42.
 PRICE = math.radians(0.4)
 # Tiles are fitted by tiles of these texels a side; a fit takes the square of the square of it.
 COARSER = (2, 4, 8, 16)

@@ -66,7 +66,8 @@ def synthetic_record(setting: Setting, triangles: int, random: np.random.Generat
         "frame_over_triangles": ratio * random.uniform(0.99, 1.01),
         "splats": round(splats), "triangles": round(leaves), "silhouette": round(0.6 * splats),
         "pixels_blended": 2_000_000,
-        "gpu_bytes": 30_000_000, "tile_bytes": triangles // 2 * s.w_s**2 * 2, "peak_memory_mb": 500.0,
+        "gpu_bytes": 30_000_000, "tile_bytes": triangles // 2 * s.w_s**2 * 2, "cut_tile_bytes": 10_000 * s.w_s**2,
+        "peak_memory_mb": 500.0,
     }  # fmt: skip
     return Record(setting, cost, synthetic_error(error * random.uniform(0.99, 1.01), displacement))
 

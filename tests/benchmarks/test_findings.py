@@ -30,7 +30,7 @@ SETTING = Setting("model", "front", "surfelscope", 2.0, 16.0, 16)
 
 
 def point(x: float, y: float) -> Point:
-    return Point(SETTING, x, 1.0, y, 3.0 * y, 0.2, x, 0.0, 0.0, ())
+    return Point(SETTING, x, 1.0, y, 3.0 * y, 0.2, x, 0.0, 0.0, 0.0, ())
 
 
 def ms(p: Point) -> float:

@@ -16,7 +16,6 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut, select_cut
 from hierarchy.model import PointCloud
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
-from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View, look_at
 from renderer.allocation import GpuError, Held, allocating
 from renderer.buffers import RECORD_WIDTH, record_texture
@@ -180,19 +179,17 @@ def test_more_texels_come_nearer_to_the_leaves(draw: Draw, meteoroid: Scene) -> 
 
 
 def test_tiles_in_many_layers_are_found(draw: Draw, meteoroid: Scene) -> None:
-    hierarchy, tiles = meteoroid
+    hierarchy, _ = meteoroid
     view = view_of(hierarchy)
-    expected, _ = draw(view, hierarchy, tiles)
-    # The same tiles in smaller layers, of 64 texels: 64 tiles each.
-    side = 64 // tiles.texels
-    layers = np.zeros((-(-tiles.count // side**2), 64, 64, 2), np.uint8)
-    for tile in range(tiles.count):
-        layer, row, column = tile // side**2, tile // side % side * tiles.texels, tile % side * tiles.texels
-        layers[layer, row : row + tiles.texels, column : column + tiles.texels] = tiles.normal_codes(tile)
-    assert len(layers) > 4
-    assert LAYER_SIZE != 64
-    frame, _ = draw(view, hierarchy, NormalTiles(tiles.texels, tiles.count, tiles.tile_of_node, layers, None))
-    assert same(frame, expected)
+    tiles = bake_tiles(hierarchy, 128)
+    assert len(tiles.normals) > 4
+    expected, cut = draw(view, hierarchy, tiles)
+    # Those that are drawn alone, elsewhere and in fewer layers.
+    some = bake_tiles(hierarchy, 128, nodes=cut.splats[cut.splats < hierarchy.node_count])
+    assert len(some.normals) < len(tiles.normals)
+    frame, _ = draw(view, hierarchy, some)
+    assert np.abs(frame.color.astype(int) - expected.color).max() <= 1
+    np.testing.assert_allclose(frame.normal, expected.normal, atol=0.01)
 
 
 def test_what_does_not_fit_leaves_the_old_one_in_place(

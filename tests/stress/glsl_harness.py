@@ -119,7 +119,7 @@ class Stage:
         set_uniforms(program, self.uniforms)
         count = len(self.cut.splats)
         captured = self.ctx.buffer(reserve=count * 4 * 6 * 4)
-        array = self.ctx.vertex_array(program, [(self.cut_buffers.splats, "1u 4x/i", "in_splat")])
+        array = self.ctx.vertex_array(program, [(self.cut_buffers.splats, "1u 8x/i", "in_splat")])
         # Nothing is drawn, but OpenGL wants a whole framebuffer all the same.
         framebuffer = self.ctx.simple_framebuffer((1, 1))
         framebuffer.use()
@@ -160,7 +160,7 @@ class Stage:
         framebuffer.clear()
         self.ctx.enable_only(moderngl.PROGRAM_POINT_SIZE)
         array = self.ctx.vertex_array(
-            program, [(self.cut_buffers.splats, "1u 4x" + ("" if sprite else "/i"), "in_splat")]
+            program, [(self.cut_buffers.splats, "1u 8x" + ("" if sprite else "/i"), "in_splat")]
         )
         if sprite:
             array.render(moderngl.POINTS, len(self.cut.splats))
