@@ -60,9 +60,11 @@ class Baker:
         with self._changed:
             if self._tiles is not tiles:
                 self._drop()
-            in_hand = [nodes for owner, nodes in self._in_hand.values() if owner is tiles]
-            if in_hand:
-                free = ~np.isin(nodes, np.concatenate(in_hand))
+            done = [nodes for owner, nodes in self._in_hand.values() if owner is tiles]
+            # What has been baked since the last `take` is not known to whoever wants it.
+            done += [baked.nodes for baked in self._baked]
+            if done:
+                free = ~np.isin(nodes, np.concatenate(done))
                 nodes, most = nodes[free], most[free]
             self._tiles, self._waiting = tiles, (nodes, most)
             while len(nodes) > 0 and len(self._threads) < self._count:

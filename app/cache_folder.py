@@ -24,7 +24,7 @@ MOST_FILES = 2_000
 # The share of a disk that is left to others.
 RESERVE = 0.01
 
-_ENTRY = re.compile(r"[0-9a-f]+-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{12}\.safetensors")
+_ENTRY = re.compile(r"[0-9a-f]+-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{12}(\.tiles\d+)?\.safetensors")
 _OURS = re.compile(rf"{_ENTRY.pattern}|[0-9a-f]{{32}}\.known")
 
 
@@ -39,7 +39,7 @@ class CachedFile:
     @property
     def is_model(self) -> bool:
         """It holds a hierarchy, not digests."""
-        return self.path.suffix == ".safetensors"
+        return self.path.suffix == ".safetensors" and ".tiles" not in self.path.name
 
 
 def user_cache_folder() -> Path | None:

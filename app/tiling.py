@@ -87,14 +87,17 @@ class Tiling:
 
     def _follow(self, hierarchy: Hierarchy, texels: int, cut: Cut, view: View) -> int:
         wanted = self._tiles_of(hierarchy, texels)
-        for each in {wanted, self._shown}:
-            if each is not None:
-                each.pages.mark(cut.splats)
-        for tiles in self._baker.take(wanted.baker):
+        if self._shown is not None and self._shown is not wanted:
+            self._shown.pages.begin(cut.splats, view, hierarchy)
+        missing, most = wanted.pages.begin(cut.splats, view, hierarchy)
+        baked = self._baker.take(wanted.baker)
+        for tiles in baked:
             if not wanted.pages.add(tiles):
                 # Too many pages hold what is not drawn any more: baked again all at once the tiles of a cut fill few.
                 wanted.pages.clear()
-        missing, most = wanted.pages.missing(cut.splats, view, hierarchy)
+                wanted.pages.add(tiles)
+        if baked:
+            missing, most = wanted.pages.begin(cut.splats, view, hierarchy)
         self._baker.want(wanted.baker, missing, most)
         if wanted is self._coming and (self._shown is None or len(missing) == 0):
             self._renderer.set_tiles(wanted.pages)

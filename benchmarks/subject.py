@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,6 +30,8 @@ BUILT_IN = "built-in"
 # Triangles of the model that is built and baked once so that compiling does not count as building.
 WARM_UP_TRIANGLES = 2_000
 NORMAL_BYTES = 2
+# Tiles of a whole model are baked, to be counted, where tiles of one size would take no more than this.
+MOST_TILE_BYTES = 500_000_000
 
 
 class Subject:
@@ -65,7 +68,7 @@ class Subject:
             "tile_bytes": {},
         }
         self._hierarchies: dict[bool, Hierarchy] = {}
-        self._tile_bytes: dict[tuple[bool, int], int] = {}
+        self._tile_bytes: dict[tuple[bool, int], float] = {}
 
     def hierarchy(self, *, points: bool) -> Hierarchy:
         """Return the point hierarchy or the hybrid one."""
@@ -83,15 +86,22 @@ class Subject:
             }
         return self._hierarchies[points]
 
-    def tile_bytes(self, *, points: bool, texels: int, fitted: bool) -> int:
-        """Return the bytes that the tiles of all nodes take; fitted : as few texels as will do, else w_s x w_s each."""
+    def tile_bytes(self, *, points: bool, texels: int, fitted: bool) -> float:
+        """Return the bytes that the tiles of all nodes take, nan where it would take too long to find out.
+
+        fitted : as few texels as will do, else w_s x w_s each
+        """
         hierarchy = self.hierarchy(points=points)
         if not fitted:
             return hierarchy.node_count * texels**2 * NORMAL_BYTES
         if (points, texels) not in self._tile_bytes:
-            count, bake_s = timed(lambda: count_tiles(hierarchy, texels) if texels else None)
-            self._tile_bytes[points, texels] = count.nbytes if count else 0
-            if count and not points:
+            whole = hierarchy.node_count * texels**2 * NORMAL_BYTES
+            if texels == 0 or whole > MOST_TILE_BYTES:
+                self._tile_bytes[points, texels] = math.nan if texels else 0.0
+                return self._tile_bytes[points, texels]
+            count, bake_s = timed(lambda: count_tiles(hierarchy, texels))
+            self._tile_bytes[points, texels] = count.nbytes
+            if not points:
                 self.info["bake_s"][str(texels)] = bake_s
                 self.info["tile_bytes"][str(texels)] = count.nbytes
         return self._tile_bytes[points, texels]

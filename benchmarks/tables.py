@@ -99,7 +99,8 @@ def fitted_tiles(run: Run) -> str:
 
 
 def _saved(before: float, after: float) -> tuple[str, str, str]:
-    return f"{before / 1e6:.3g} MB", f"{after / 1e6:.3g} MB", f"{after / before:.3f}"
+    share = f"{after / before:.3f}" if before > 0.0 else ""
+    return f"{before / 1e6:.3g} MB", f"{after / 1e6:.3g} MB", share
 
 
 def normal_mapping(run: Run) -> str:

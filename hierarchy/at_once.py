@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 from typing import TypeVar
 
@@ -16,7 +16,7 @@ R = TypeVar("R")
 
 
 def at_once(work: Callable[[T], R], pieces: Iterable[T]) -> list[R]:
-    """Return the results of the pieces, in their order; raises what the first piece raised that did."""
+    """Return the results of the pieces, in their order; raises what one raised once all threads have stopped."""
     every = list(pieces)
     results: dict[int, R] = {}
     left = iter(range(len(every)))
@@ -27,12 +27,13 @@ def at_once(work: Callable[[T], R], pieces: Iterable[T]) -> list[R]:
             results[k] = work(every[k])
 
     helpers = min(os.cpu_count() or 1, len(every)) - 1
-    waiting = [_pool().submit(take) for _ in range(helpers)]
+    others = [_pool().submit(take) for _ in range(helpers)]
     try:
         take()
     finally:
-        for each in waiting:
-            each.result()
+        wait(others)
+    for each in others:
+        each.result()
     return [results[k] for k in range(len(every))]
 
 

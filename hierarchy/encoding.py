@@ -2,7 +2,8 @@
 
 Based on: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
 The square is the hemisphere's octahedron turned by 45 degrees, so no fold crosses it and bilinear filtering is
-safe everywhere. Byte 128 stands for 0 exactly, so that a surfel's own normal survives the round trip.
+safe everywhere. Byte 128 stands for 0 exactly, so that a surfel's own normal survives the round trip; tile_fits.py
+spreads the bytes of a tile over a part of the square.
 """
 
 from __future__ import annotations

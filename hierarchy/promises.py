@@ -24,6 +24,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut
 from hierarchy.spreads import SCALES, UNIT
+from hierarchy.tile_fits import COARSER, side_seen
 from hierarchy.view import View
 
 # Shares of the texels' spacing, of the displacement by relief, and of a pixel, at which the spread counts. Of w_s
@@ -50,10 +51,11 @@ def _spread(spreads, node, scale):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _sum_splats(nodes, records, spreads, splats, silhouette, view, texels, sums, reliefs):  # type: ignore[no-untyped-def]
+def _sum_splats(nodes, records, spreads, splats, silhouette, view, sides, texels, sums, reliefs):  # type: ignore[no-untyped-def]
     """Add to sums the area of the splats and, for each w_s, area * spread; to reliefs length and length * relief.
 
     view : eye, direction of the axis, focal length in pixels, whether the view rays are parallel
+    sides : texels along one side that smaller tiles may have; what fitting them leaves out is within the factors
     sums : float64 (1 + W,), pixels and pixels * radians; reliefs : float64 (2,), pixels and pixels^2
     """
     eye, axis, focal, parallel = view
@@ -84,7 +86,8 @@ def _sum_splats(nodes, records, spreads, splats, silhouette, view, texels, sums,
         shift = RELIEF_SHARE * relief / radius * min(sine / max(cosine, 1e-6), MAX_TANGENT)
         pixel = PIXEL_SHARE / radius
         for k in range(len(texels)):
-            spacing = TEXEL_SHARE / max(texels[k] - SHARED_TEXELS, TEXEL_SHARE)
+            side = side_seen(sides, texels[k], 2.0 * radius)
+            spacing = TEXEL_SHARE / max(side - SHARED_TEXELS, TEXEL_SHARE)
             scale = min(math.sqrt(spacing * spacing + shift * shift + pixel * pixel), 1.0)
             sums[1 + k] += area * _spread(spreads, index, scale)
 
@@ -116,7 +119,8 @@ def _sums(hierarchy: Hierarchy, view: View, cut: Cut, texels: Sequence[int]) -> 
     sums, reliefs = np.zeros(1 + len(texels)), np.zeros(2)
     eye_and_rays = (view.eye, -view.eye_from_model[2, :3], view.focal_pixels, view.is_parallel)
     arrays = (hierarchy.nodes, hierarchy.splats, hierarchy.spreads, cut.splats, cut.silhouette_splats)
-    _sum_splats(*arrays, eye_and_rays, np.asarray(texels, np.int64), sums, reliefs)
+    sides = np.array(COARSER, np.int32)
+    _sum_splats(*arrays, eye_and_rays, sides, np.asarray(texels, np.int64), sums, reliefs)
     leaves = hierarchy.leaves
     if isinstance(leaves, Triangles) and len(cut.indices):
         triangles = (leaves.positions, cut.indices, cut.silhouette_triangles)

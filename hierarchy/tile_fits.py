@@ -1,10 +1,10 @@
 """The fewest texels that show a node's normals: none, or a tile of 2, 4, 8, ... up to w_s texels a side.
 
 A tile is baked with as many texels as the view can show and then fitted by coarser ones, least squares over the disc.
-Taken is the one whose texels and whose error, at the price of `PRICE`, are least together: where every tile is, tiles of
-as many bytes altogether have the least error over all pixels. A tile of 2 x 2 texels is the linear field of Botsch et
-al. 2004, "Phong Splatting", eq. 2-4, with a bilinear term besides; what the fit leaves open at the corners, where no
-texel of the disc is, is made smooth instead of small (they take the pseudo-inverse).
+Taken is the one whose texels and whose error, at the price of `PRICE`, are least together: so a number of bytes goes to
+the tiles where it lowers the error over all pixels most. A tile of 2 x 2 texels is the linear field of Botsch et al.
+2004, "Phong Splatting", eq. 2-4, with a bilinear term besides; what the fit leaves open at the corners, where no texel
+of the disc is, is made smooth instead of small (they take the pseudo-inverse).
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ ROUNDING = math.radians(0.15)
 # have texels. At 0.12, 0.25 and 0.4 degrees the drawn tiles of Igea have 0.54, 0.39 and 0.29 of the bytes of tiles of
 # one size, and its mean error is 0.37, 0.38 and 0.39 degrees instead of 0.42.
 PRICE = math.radians(0.4)
+# A splat whose tile has as many texels as w_s allows counts as one of at least so many.
+WIDE = 16
 # Tiles are fitted by tiles of these texels a side; a fit takes the square of the square of it.
 COARSER = (2, 4, 8, 16)
 # Texels that are no further apart than this, in pixels, are enough.
@@ -291,8 +293,9 @@ def _bake_fitted(model, node, most, tables, out):  # type: ignore[no-untyped-def
     _store_tile(fitted, most, spread, out)
     if most == 1:
         return 1
-    # What a radian is worth, in texels.
-    worth = (most - 1) ** 2 / PRICE / (1 if channels == 2 else 3)
+    # What a radian is worth, in texels: that of a splat as wide as its texels may be, or wider where w_s limits them.
+    wide = max(most, WIDE) if most == sides[-1] else most
+    worth = (wide - 1) ** 2 / PRICE / (1 if channels == 2 else 3)
     best, cheapest = most, most * most + worth * ROUNDING * max(spread[2], spread[3]) / 255.0
     # Alpha 0 and a byte of 0: the node's own colour and normal.
     fitted[:] = 0.0
@@ -337,17 +340,32 @@ def fit_in_turn(nodes, disc_normals, leaves, triangles, own_colors, wanted, most
         rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, out)
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def side_seen(sides, texels, across):  # type: ignore[no-untyped-def]
+    """Return how many texels a side a picture shows of a tile.
+
+    sides : texels that tiles may have, ascending; of those below `texels` the first that is enough is taken
+    texels : it has at most
+    across : pixels that it is wide
+    """
+    for side in sides:
+        if side >= texels:
+            break
+        if (side - 1) * TEXEL_PIXELS >= across:
+            return side
+    return texels
+
+
 @nb.njit(cache=True, nogil=True)
-def _texels_seen(splats, wanted, eye, axis, focal, parallel, sides, most):  # type: ignore[no-untyped-def]
+def _texels_seen(splats, wanted, eye, axis, focal, parallel, sides, texels, most):  # type: ignore[no-untyped-def]
     for i in range(len(wanted)):
         splat = splats[wanted[i]]
         x, y, z = splat["centre"][0] - eye[0], splat["centre"][1] - eye[1], splat["centre"][2] - eye[2]
         depth = x * axis[0] + y * axis[1] + z * axis[2]
         across = 2.0 * focal * splat["radius"]
-        k = 0
-        while k < len(sides) - 1 and not (sides[k] - 1) * TEXEL_PIXELS * (1.0 if parallel else depth) >= across:
-            k += 1
-        most[i] = sides[k]
+        if not parallel:
+            across = across / depth if depth > 0.0 else np.inf
+        most[i] = side_seen(sides, texels, across)
 
 
 def texels_seen(hierarchy: Hierarchy, view: View, nodes: UInt32Array, texels: int) -> Int32Array:
@@ -357,7 +375,7 @@ def texels_seen(hierarchy: Hierarchy, view: View, nodes: UInt32Array, texels: in
     texels : along one side at most
     """
     most = np.empty(len(nodes), np.int32)
-    sides = np.array(sides_of(texels), np.int32)
+    sides = np.array(COARSER, np.int32)
     axis = -view.eye_from_model[2, :3]
-    _texels_seen(hierarchy.splats, nodes, view.eye, axis, view.focal_pixels, view.is_parallel, sides, most)
+    _texels_seen(hierarchy.splats, nodes, view.eye, axis, view.focal_pixels, view.is_parallel, sides, texels, most)
     return most

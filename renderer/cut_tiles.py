@@ -15,7 +15,7 @@ from renderer.renderer import Renderer
 class CutTiles:
     """Keeps the tiles of a renderer those of the cut that it draws next.
 
-    baked, tiles, nbytes, seconds : nodes whose normals were looked at, tiles and bytes that they took, and how long
+    tiles, nbytes, seconds : tiles that were baked, the bytes that they take, and how long that took
     """
 
     def __init__(self, renderer: Renderer, hierarchy: Hierarchy, texels: int) -> None:
@@ -24,7 +24,7 @@ class CutTiles:
         hierarchy : the renderer's
         """
         self.texels = texels
-        self.baked = self.tiles = self.nbytes = 0
+        self.tiles = self.nbytes = 0
         self.seconds = 0.0
         self._hierarchy = hierarchy
         self._baker = TileBaker(hierarchy, texels)
@@ -37,24 +37,23 @@ class CutTiles:
         progress : called from this thread; an exception that it raises ends the work
         """
         start = time.perf_counter()
-        self._pages.mark(cut.splats)
         if not self._bring(cut, view, progress):
             # Pages that are full of what is not drawn any more stand in the way.
             self._pages.clear()
-            self._pages.mark(cut.splats)
             self._bring(cut, view, progress)
         self.seconds += time.perf_counter() - start
 
     def _bring(self, cut: Cut, view: View, progress: Progress) -> bool:
-        nodes, most = self._pages.missing(cut.splats, view, self._hierarchy)
-        for first in range(0, len(nodes), BLOCK):
-            progress("Baking normal tiles", first / len(nodes))
-            block = slice(first, first + BLOCK)
-            tiles = self._baker.fitted(nodes[block], most[block], at_once=True)
-            self.baked += len(tiles.nodes)
-            self.tiles += tiles.count
-            self.nbytes += tiles.nbytes
-            if not self._pages.add(tiles):
-                return False
-        progress("Baking normal tiles", 1.0)
-        return True
+        """Bake what is missing, and then what there is room for since tiles take less than they might; False: clear."""
+        while True:
+            nodes, most = self._pages.begin(cut.splats, view, self._hierarchy)
+            if len(nodes) == 0:
+                return True
+            for first in range(0, len(nodes), BLOCK):
+                progress("Baking normal tiles", first / len(nodes))
+                block = slice(first, first + BLOCK)
+                tiles = self._baker.fitted(nodes[block], most[block], at_once=True)
+                if not self._pages.add(tiles):
+                    return False
+                self.tiles += tiles.count
+                self.nbytes += tiles.nbytes

@@ -28,7 +28,7 @@ class Limits:
     array_layers : layers of an array texture, at least 256
     picture_size : width and height of the largest picture that is drawn in one piece
     float_blending : sums of floats add up; without, the nearest splat alone is shown
-    tile_bytes : that the normal tiles may take, None: as many as there is memory for
+    tile_bytes : that the normal tiles may take, None: what tile_pages.py takes
     """
 
     texture_size: int

@@ -11,6 +11,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import NormalTiles
 from hierarchy.view import View, screen_box
+from renderer.allocation import GpuError
 from renderer.buffers import SplatBuffers
 from renderer.frame import Frame
 from renderer.limits import Limits, probe_limits
@@ -92,7 +93,9 @@ class Renderer:
 
     def _pages_of(self, tiles: NormalTiles) -> TilePages:
         pages = self._make_pages(tiles.texels, tiles.count)
-        pages.add(tiles.as_fitted())
+        if not pages.add(tiles.as_fitted()):
+            pages.release()
+            raise GpuError("there is no room for the normal tiles; choose a smaller w_s")
         return pages
 
     # Drawing

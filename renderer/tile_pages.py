@@ -18,7 +18,7 @@ from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View
 from renderer.allocation import GpuError, Held, allocating
 from renderer.limits import Limits
-from renderer.tile_places import MOST_LAYERS, NO_TILE, layer_of, place_of, row_of
+from renderer.tile_places import MOST_LAYERS, NO_TILE, layer_of, place_of, row_of, sides_at
 
 # Bytes of graphics memory for tiles where nobody says: a quarter of a million of 16 x 16 texels.
 DEFAULT_BYTES = 1 << 27
@@ -31,7 +31,7 @@ class TilePages:
     """Tiles of at most w_s x w_s texels of the nodes of one hierarchy.
 
     texels : w_s
-    untiled : splats of the last cut whose tiles there is no room for
+    untiled : splats of the last frame whose tiles there is no room for
     """
 
     def __init__(
@@ -66,44 +66,49 @@ class TilePages:
         # By side the page that is being filled, and how many tiles are in it.
         self._open: dict[int, tuple[int, int]] = {}
         self._frame = 0
+        # The last node whose tile there is room for; None: there is for all.
+        self._last: int | None = None
 
-    @property
-    def capacity(self) -> int:
-        """How many tiles of one frame are taken in: of each size but one a page may be almost empty."""
-        pages = self._most_layers * self._of_layer
-        return max(pages - (self._sizes - 1), pages // 2, 1) * self._of_layer
+    def begin(self, splats: UInt32Array, view: View, hierarchy: Hierarchy) -> tuple[UInt32Array, Int32Array]:
+        """Begin a frame: others make room before the tiles of its splats do. Return what is still to be baked for it.
 
-    def _nodes_of(self, splats: UInt32Array) -> UInt32Array:
-        """Return the nodes among splats (K,); where there is no room for all the first ones, which are the largest."""
-        nodes = splats[splats < len(self._place_of_node)]
-        if len(nodes) > self.capacity:
-            nodes = np.partition(nodes, self.capacity - 1)[: self.capacity]
-        return nodes
-
-    def mark(self, splats: UInt32Array) -> None:
-        """Count the tiles of a cut's splats (K,) as drawn now: others make room before these do."""
-        self._frame += 1
-        places = self._place_of_node[self._nodes_of(splats)]
-        self._drawn[self._page_of(places[places >= 0])] = self._frame
-
-    def missing(self, splats: UInt32Array, view: View, hierarchy: Hierarchy) -> tuple[UInt32Array, Int32Array]:
-        """Return the nodes among the splats of a cut whose tiles are not here and should be, largest first.
-
-        splats : uint32 (K,)
+        splats : uint32 (K,), of the frame's cut
         view : what the cut is drawn with
 
-        Returns uint32 and int32 (N,), the nodes and as how many texels a side their tiles have to be baked. Tiles that
-        are here with too few texels count as missing.
+        Returns uint32 and int32 (N,), the nodes whose tiles are not here, or with too few texels, and as how many
+        texels a side they have to be baked, the largest nodes first. Where there is no room for the tiles of all splats
+        the largest nodes get them.
         """
-        nodes = self._nodes_of(splats)
+        self._frame += 1
+        nodes = np.sort(splats[splats < len(self._place_of_node)])
         most = texels_seen(hierarchy, view, nodes, self.texels)
+        fits = self._fitting(nodes, most)
+        self.untiled = len(nodes) - fits
+        self._last = int(nodes[fits - 1]) if self.untiled else None
+        nodes, most = nodes[:fits], most[:fits]
+        places = self._place_of_node[nodes]
+        self._drawn[self._page_of(places[places >= 0])] = self._frame
         missing = most > self._baked_as[nodes]
-        nodes, most = nodes[missing], most[missing]
-        order = np.argsort(nodes)
-        return nodes[order], most[order]
+        return nodes[missing], most[missing]
+
+    def _fitting(self, nodes: UInt32Array, most: Int32Array) -> int:
+        """Return how many of the first nodes (K,) there is room for, by whatever their tiles will be fitted."""
+        pages = self._most_layers * self._of_layer
+        if pages < 2 * self._sizes:
+            # Each may need a page of its own.
+            return min(len(nodes), pages)
+        sides = np.where(most > self._baked_as[nodes], most, self._side_of(self._place_of_node[nodes]))
+        # Of each size but one a page may be almost empty.
+        room = (pages - (self._sizes - 1)) * self._of_layer * self.texels**2
+        return int(np.searchsorted(np.cumsum(sides.astype(np.int64) ** 2), room, "right"))
+
+    def _side_of(self, places: Int32Array) -> Int32Array:
+        """Return the texels along one side of the tiles at some places, 0 where there is none."""
+        sides: Int32Array = np.where(places < 0, 0, sides_at(places, self.texels))
+        return sides
 
     def add(self, tiles: FittedTiles) -> bool:
-        """Bring tiles to the GPU, in place of pages that were not drawn since the last `mark`; False: not all fit."""
+        """Bring tiles to the GPU, in place of pages that were not drawn since the last `begin`; False: not all fit."""
         needless = tiles.nodes[tiles.sides == 0]
         self._place_of_node[needless] = NEEDLESS
         self._baked_as[needless] = tiles.most[tiles.sides == 0]
@@ -171,17 +176,14 @@ class TilePages:
             return False
         layers = min(2 * before, self._most_layers)
         try:
-            held, normals, colors = _textures(self._ctx, layers, self._colored)
-        except GpuError:
+            # For a moment the old ones and the new ones are there.
+            made = _textures(self._ctx, layers, self._colored, (self.normals, self.colors))
+        except (GpuError, MemoryError):
             # It has to do with what there is.
             self._most_layers = before
             return False
-        place = (0, 0, 0, LAYER_SIZE, LAYER_SIZE, before)
-        normals.write(self.normals.read(), place, alignment=1)
-        if colors is not None and self.colors is not None:
-            colors.write(self.colors.read(), place, alignment=1)
         self._held.release()
-        self._held, self.normals, self.colors = held, normals, colors
+        self._held, self.normals, self.colors = made
         more = (layers - before) * self._of_layer
         self._nodes_of_page += [[] for _ in range(more)]
         self._drawn = np.concatenate([self._drawn, np.full(more, NEVER, np.int64)])
@@ -204,10 +206,10 @@ class TilePages:
         """
         places = np.full(len(splats), NO_TILE, np.int32)
         is_node = splats < len(self._place_of_node)
-        self.untiled = max(int(np.count_nonzero(is_node)) - self.capacity, 0)
-        if self.untiled:
-            # A tile that is still here from an earlier frame does not count: pictures shall not depend on the past.
-            is_node &= splats <= self._nodes_of(splats).max()
+        if self._last is not None:
+            # A tile that is still here from an earlier frame does not count: what is drawn without a tile shall not
+            # depend on the past.
+            is_node &= splats <= self._last
         nodes = splats[is_node]
         places[is_node] = self._place_of_node[nodes]
         spreads = np.zeros(len(splats), np.uint32)
@@ -222,12 +224,22 @@ class TilePages:
         self._held.release()
 
 
+Textures = tuple[moderngl.TextureArray, moderngl.TextureArray | None]
+
+
 def _textures(
-    ctx: moderngl.Context, layers: int, colored: bool
+    ctx: moderngl.Context, layers: int, colored: bool, copied: Textures | None = None
 ) -> tuple[Held, moderngl.TextureArray, moderngl.TextureArray | None]:
-    """Make the textures of normals and colours; raises GpuError where there is no memory for them."""
+    """Make the textures of normals and colours; raises GpuError where there is no memory for them.
+
+    copied : what their first layers are to hold
+    """
     with allocating(ctx, "the normal tiles; choose a smaller w_s") as held:
-        return held, _texture(ctx, held, layers, 2), _texture(ctx, held, layers, 4) if colored else None
+        made = _texture(ctx, held, layers, 2), _texture(ctx, held, layers, 4) if colored else None
+        for old, new in zip(copied or (), made, strict=False):
+            if old is not None and new is not None:
+                new.write(old.read(), (0, 0, 0, LAYER_SIZE, LAYER_SIZE, old.layers), alignment=1)
+        return held, *made
 
 
 def _texture(ctx: moderngl.Context, held: Held, layers: int, components: int) -> moderngl.TextureArray:

@@ -23,7 +23,7 @@ def place_of(layer: int | Int32Array, row: int | Int32Array, column: Int32Array,
     """Return the places of tiles, int32 (K,).
 
     layer, row, column : of the first texel
-    side : texels along one side, a power of two below w_s and 128; 0: w_s
+    side : texels along one side, a power of two below w_s, at most 128; 0: w_s
     """
     power = side.bit_length() - 1 if side else 0
     place: Int32Array = np.asarray(power << 28 | np.int32(1) * layer << 20 | row << 10 | column, np.int32)
@@ -33,6 +33,13 @@ def place_of(layer: int | Int32Array, row: int | Int32Array, column: Int32Array,
 def layer_of(places: Int32Array) -> Int32Array:
     """Return the layers of places that are not below 0, int32 (K,)."""
     return places >> 20 & 255
+
+
+def sides_at(places: Int32Array, texels: int) -> Int32Array:
+    """Return the texels along one side of tiles at places that are not below 0, int32 (K,); texels : w_s."""
+    powers = places >> 28 & 7
+    sides: Int32Array = np.where(powers == 0, texels, 1 << powers).astype(np.int32)
+    return sides
 
 
 def row_of(places: Int32Array) -> Int32Array:

@@ -2,7 +2,7 @@
 //       depth, nothing is lost at the edge of the window, and hardware clips at the near plane.
 //       SPRITE: the papers' own primitive instead, a square of pixels around the projected disc; disc_point.glsl
 //       intersects every pixel's view ray with it.
-// In:   in_splat, in_tile, one per instance; gl_VertexID 0..3 is the corner; the records' texture.
+// In:   in_splat, in_tile, in_spread, one per instance; gl_VertexID 0..3 is the corner; the records' texture.
 // Out:  v_disc, the point in the disc's frame, its rim the unit circle (SPRITE: what disc_point.glsl needs instead); in
 //       the attribute pass the frame, the tile, and what colours and overlays need.
 // Source: Holst and Schumann 2007, eq. 4-6, 9 and 11; quads in object space after Ren et al. 2002. VISIBILITY pushes the

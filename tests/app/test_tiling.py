@@ -16,10 +16,11 @@ from hierarchy.normal_tiles import FittedTiles, TileBaker, bake_tiles
 from hierarchy.tile_fits import texels_seen
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import look_at
+from renderer import tile_pages
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture
-from renderer.tile_pages import MISSING
+from renderer.tile_pages import MISSING, TilePages
 from renderer.tile_places import layer_of
 
 SIZE = (160, 120)
@@ -115,35 +116,70 @@ def test_nothing_is_left_to_do_once_no_tiles_are_wanted(renderer, hierarchy):
     tiling.close()
 
 
-def test_pages_that_are_half_empty_are_packed_when_they_run_out(renderer, hierarchy, monkeypatch):
-    """Every small step of an orbit took a page for a few tiles; when there was none left the same tiles were baked for
-    ever."""
+@pytest.fixture
+def rough(monkeypatch):
+    """A model whose tiles all keep all their texels, and a renderer's pages that are asked for no fewer."""
+
+    def whole(_hierarchy, _view, nodes, texels):
+        return np.full(len(nodes), texels, np.int32)
+
+    monkeypatch.setattr(tile_pages, "texels_seen", whole)
+    model = make_meteoroid(20_000)
+    normals = model.normals + 0.4 * np.random.default_rng(3).normal(size=model.normals.shape)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    return build_hierarchy(replace(model, normals=normals.astype(np.float32), colors=None))
+
+
+def test_pages_of_what_is_not_drawn_any_more_make_room(renderer, rough, monkeypatch):
+    """Every page holds a tile that is still drawn, most of the others are not: all are baked again on few pages."""
     renderer.limits = replace(renderer.limits, tile_bytes=1)
-    tiling = Tiling(renderer, lambda: None)
-    whole = cut_of(hierarchy)
-    nodes = whole.splats[whole.splats < hierarchy.node_count]
-    assert len(nodes) > 180
-    for last in range(1, 181, 3):
-        # A tile more than there was, on a page of its own.
-        cut = replace(whole, splats=nodes[:last], silhouette_splats=0)
-        wait_for_all(tiling, hierarchy, 64, cut)
+    renderer.set_hierarchy(rough)
+    cleared = []
+    clear = TilePages.clear
+    monkeypatch.setattr(TilePages, "clear", lambda pages: (cleared.append(True), clear(pages)))
+    tiling, whole = Tiling(renderer, lambda: None), cut_of(rough)
+    nodes = np.arange(1, 513, dtype=np.uint32)
+    # 16 pages of 16 tiles.
+    for first in range(0, 192, 16):
+        wait_for_all(tiling, rough, 64, replace(whole, splats=nodes[first : first + 16], silhouette_splats=0))
+    kept = nodes[:192:16]
+    wait_for_all(tiling, rough, 64, replace(whole, splats=kept, silhouette_splats=0))
+    assert not cleared
+    cut = replace(whole, splats=np.concatenate([kept, nodes[256:400]]), silhouette_splats=0)
+    wait_for_all(tiling, rough, 64, cut)
+    assert cleared
+    assert tiling._shown.pages.untiled == 0
     assert not tiling.busy
     tiling.close()
 
 
-def test_cut_larger_than_the_memory_gets_tiles_for_its_largest_splats(renderer, hierarchy):
+def test_cut_larger_than_the_memory_gets_tiles_for_its_largest_splats(renderer, rough):
     renderer.limits = replace(renderer.limits, tile_bytes=1)
+    renderer.set_hierarchy(rough)
     tiling = Tiling(renderer, lambda: None)
     for distance in (6.0, 2.0, 3.0):
-        cut = cut_of(hierarchy, distance=distance)
-        wait_for_all(tiling, hierarchy, 64, cut, distance=distance)
+        cut = cut_of(rough, distance=distance)
+        wait_for_all(tiling, rough, 64, cut, distance=distance)
         pages = tiling._shown.pages
-        nodes = np.sort(cut.splats[cut.splats < hierarchy.node_count])
+        nodes = np.sort(cut.splats[cut.splats < rough.node_count])
         with_tiles = cut.splats[pages.places_of(cut.splats)[0] != MISSING]
-        assert np.array_equal(np.sort(with_tiles), nodes[: pages.capacity])
-    assert tiling._shown.pages.untiled > 0
+        # Of 16 pages of 16 tiles four may be almost empty; a few tiles turn out to be smaller.
+        room = len(nodes) - pages.untiled
+        assert room == len(nodes) or 192 <= room < 256
+        assert np.array_equal(np.sort(with_tiles), nodes[:room])
     # Not all are there, nor will they be.
     assert tiling.texels == 0
+    tiling.close()
+
+
+def test_small_tiles_take_little_room(renderer, hierarchy):
+    """Two thousand tiles of up to 64 x 64 texels do not fit into a layer; those that they are fitted by do."""
+    renderer.limits = replace(renderer.limits, tile_bytes=1)
+    tiling, cut = Tiling(renderer, lambda: None), cut_of(hierarchy)
+    assert np.count_nonzero(cut.splats < hierarchy.node_count) > 256
+    wait_for_all(tiling, hierarchy, 64, cut)
+    assert tiling.texels == 64
+    assert tiling._shown.pages.untiled == 0
     tiling.close()
 
 
@@ -189,22 +225,24 @@ def texels_at(pages, nodes):
     return texels[layer, row, column, 0], texels[layer, row + last, column + last, 1]
 
 
-def test_least_recently_drawn_pages_make_room(renderer, hierarchy):
+def test_least_recently_drawn_pages_make_room(renderer, rough):
     """One layer of tiles of 64 x 64 texels has 16 pages of 16."""
     renderer.limits = replace(renderer.limits, tile_bytes=1)
-    pages = renderer.make_pages(64)
+    renderer.set_hierarchy(rough)
+    pages, view = renderer.make_pages(64), view_of(rough)
     assert pages.nbytes == 2 * LAYER_SIZE**2
-    nodes = np.arange(hierarchy.node_count, dtype=np.uint32)
+    nodes = np.arange(rough.node_count, dtype=np.uint32)
     for first in range(0, 256, 16):
-        pages.mark(nodes[first : first + 16])
-        assert pages.add(tiles_of_one_size(nodes[first : first + 16], 64))
-    assert len(missing_of(pages, nodes[:176])) == 0
+        missing, most = pages.begin(nodes[first : first + 16], view, rough)
+        assert (most == 64).all()
+        assert pages.add(tiles_of_one_size(missing, 64))
+    assert len(missing_of(pages, nodes[:256])) == 0
     # The oldest page goes; what is drawn stays even if there is no other.
-    pages.mark(nodes[240:256])
+    pages.begin(nodes[240:256], view, rough)
     assert pages.add(tiles_of_one_size(nodes[256:272], 64))
     assert missing_of(pages, nodes[:32]).tolist() == list(range(16))
     assert len(missing_of(pages, nodes[32:192])) == 0
-    pages.mark(nodes[16:176])
+    pages.begin(nodes[16:176], view, rough)
     for first in (272, 288, 304, 320, 336, 352):
         assert pages.add(tiles_of_one_size(nodes[first : first + 16], 64))
     assert len(missing_of(pages, nodes[16:176])) == 0
@@ -212,10 +250,10 @@ def test_least_recently_drawn_pages_make_room(renderer, hierarchy):
     assert len(missing_of(pages, nodes[368:384])) == 16
     # What is baked twice moves, and is not lost with the page where it was.
     pages.clear()
-    pages.mark(nodes[:16])
+    pages.begin(nodes[:16], view, rough)
     assert pages.add(tiles_of_one_size(nodes[:16], 64))
     assert pages.add(tiles_of_one_size(nodes[:16], 64))
-    pages.mark(nodes[:16])
+    pages.begin(nodes[:16], view, rough)
     for first in range(16, 256, 16):
         assert pages.add(tiles_of_one_size(nodes[first : first + 16], 64))
     assert len(missing_of(pages, nodes[:16])) == 0
@@ -224,7 +262,7 @@ def test_least_recently_drawn_pages_make_room(renderer, hierarchy):
 
 def test_tiles_of_all_sizes_lie_where_they_are_looked_up(renderer, hierarchy):
     """Batches that end in the midst of rows and pages, of every size, and tiles that come again larger."""
-    pages = renderer.make_pages(16)
+    pages, view = renderer.make_pages(16), view_of(hierarchy)
     nodes = np.arange(hierarchy.node_count, dtype=np.uint32)
     rng = np.random.default_rng(7)
     side_of = np.zeros(len(nodes), int)
@@ -232,7 +270,7 @@ def test_tiles_of_all_sizes_lie_where_they_are_looked_up(renderer, hierarchy):
         side = int(rng.choice([2, 4, 8, 16]))
         some = np.sort(rng.choice(nodes, int(rng.integers(1, 700)), replace=False))
         some = some[side_of[some] < side]
-        pages.mark(some)
+        pages.begin(some, view, hierarchy)
         assert pages.add(tiles_of_one_size(some, side))
         side_of[some] = side
     there = nodes[side_of > 0]
@@ -271,6 +309,9 @@ def test_baker_bakes_what_is_wanted_now_in_order(hierarchy):
     other = TileBaker(hierarchy, 8)
     wanted = np.arange(1000, dtype=np.uint32)
     baker.want(other, wanted[:200], np.full(200, 8, np.int32))
+    baker.want(tiles, wanted, np.full(1000, 16, np.int32))
+    # What has been baked and not been taken yet is not baked again, whoever still wants it.
+    time.sleep(0.1)
     baker.want(tiles, wanted, np.full(1000, 16, np.int32))
     baked = []
     end = time.monotonic() + 60.0

@@ -13,6 +13,7 @@ from hierarchy.lod import Cut, select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.view import View
+from renderer.cut_tiles import CutTiles
 from renderer.frame import Frame
 from renderer.renderer import Renderer
 from renderer.settings import Settings
@@ -37,14 +38,17 @@ Draw = Callable[..., tuple[Frame, Cut]]
 
 @pytest.fixture
 def draw(ctx: moderngl.Context, renderer: Renderer) -> Iterator[Draw]:
-    """draw(view, hierarchy, tiles, settings, r_sil, r_inner, cut) returns the frame and the cut."""
+    """draw(view, hierarchy, tiles, settings, r_sil, r_inner, cut) returns the frame and the cut.
+
+    tiles : all of one size; or w_s, for those that the viewer would draw with
+    """
     framebuffers: list[moderngl.Framebuffer] = []
     last: list[object] = [None, None]
 
     def draw_once(
         view: View,
         hierarchy: Hierarchy,
-        tiles: NormalTiles | None = None,
+        tiles: NormalTiles | int | None = None,
         settings: Settings | None = None,
         r_sil: float = 2.0,
         r_inner: float = 16.0,
@@ -54,11 +58,14 @@ def draw(ctx: moderngl.Context, renderer: Renderer) -> Iterator[Draw]:
         if last[0] is not hierarchy:
             renderer.set_hierarchy(hierarchy)
             last[:] = hierarchy, None
-        if last[1] is not tiles:
-            renderer.set_tiles(tiles)
-            last[1] = tiles
         if cut is None:
             cut = select_cut(hierarchy, view, r_sil, r_inner, two_sided=settings.two_sided)
+        if isinstance(tiles, int):
+            CutTiles(renderer, hierarchy, tiles).bring(cut, view)
+            last[1] = tiles
+        elif last[1] is not tiles:
+            renderer.set_tiles(tiles)
+            last[1] = tiles
         framebuffer = ctx.simple_framebuffer((view.width, view.height))
         framebuffers.append(framebuffer)
         renderer.draw(cut, view, settings, framebuffer)

@@ -14,7 +14,6 @@ from hierarchy.build import build_hierarchy
 from hierarchy.goals import ErrorGoal, detail_for_goal, promise_of_cut
 from hierarchy.lod import Cut
 from hierarchy.meteoroid import make_meteoroid
-from hierarchy.normal_tiles import bake_tiles
 from hierarchy.view import look_at
 from renderer.frame import Frame
 
@@ -31,10 +30,9 @@ def test_pictures_keep_what_was_promised(draw: Draw, distance: float) -> None:
     eye = centre + distance * radius * np.array([-0.48, 0.36, 0.8])
     view = look_at(eye, centre, (0, 1, 0), math.radians(45), (480, 480), bounds=hierarchy.bounds)
     reference = cast(mesh, view)
-    for texels in (4, 16):
-        tiles = bake_tiles(hierarchy, texels)
-        for radii in ((1.0, 6.0), (2.0, 16.0), (5.0, 40.0)):
-            frame, cut = draw(view, hierarchy, tiles, None, *radii)
+    for texels in (2, 4, 16, 32):
+        for radii in ((1.0, 3.0), (1.0, 6.0), (2.0, 16.0), (5.0, 40.0)):
+            frame, cut = draw(view, hierarchy, texels, None, *radii)
             promise = promise_of_cut(hierarchy, view, cut, texels)
             error = measure(frame.normal, frame.depth, frame.coverage, reference)
             assert error.normal_degrees.mean <= promise.degrees
@@ -54,8 +52,7 @@ def test_a_goal_is_kept(draw: Draw) -> None:
     reference = cast(mesh, view)
     for goal in (ErrorGoal(1.5, 0.5), ErrorGoal(4.0, 1.0)):
         detail, promise = detail_for_goal(hierarchy, view, goal, texels=(4, 8, 16))
-        tiles = bake_tiles(hierarchy, detail.texels)
-        frame, _ = draw(view, hierarchy, tiles, None, detail.r_sil, detail.r_inner)
+        frame, _ = draw(view, hierarchy, detail.texels, None, detail.r_sil, detail.r_inner)
         error = measure(frame.normal, frame.depth, frame.coverage, reference)
         assert error.normal_degrees.mean <= promise.degrees <= goal.degrees
         assert error.silhouette.mean is not None
