@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -101,8 +102,10 @@ def clear(folder: Path) -> tuple[int, int]:
     for file in files:
         file.path.unlink(missing_ok=True)
     sweep(folder)
-    if files and not any(folder.iterdir()):
-        folder.rmdir()
+    # Another process may have cleared it just now, or begun to fill it again.
+    with suppress(FileNotFoundError):
+        if files and not any(folder.iterdir()):
+            folder.rmdir()
     return len(files), sum(file.size for file in files)
 
 

@@ -49,7 +49,9 @@ class TilePages:
         self._sizes = len(sides_of(texels)) if most is None else 1
         self._colored = colored
         of_layer = LAYER_SIZE**2 * (6 if colored else 2)
-        budget = DEFAULT_BYTES if limits.tile_bytes is None else limits.tile_bytes
+        budget = limits.tile_bytes
+        if budget is None:
+            budget = DEFAULT_BYTES if most is None else of_layer * MOST_LAYERS
         self._of_layer = LAYER_SIZE // texels
         # Some pages are not full.
         wanted = -(-(2 * nodes if most is None else most) // self._of_layer**2)

@@ -167,6 +167,9 @@ class Worker:
         try:
             path = str(folder / trial.name)
             answer = self.ask("info", path, *trial.options, forked=trial.forked)
+            if answer.seconds > MOST_SECONDS:
+                # The first model that needs a kernel waits until it is compiled; what takes long itself does so again.
+                answer = self.ask("info", path, *trial.options, forked=trial.forked)
             wrong = judge(answer)
             if not wrong and trial.picture and answer.status == 0:
                 picture = self.root / "pictures" / "a.png"

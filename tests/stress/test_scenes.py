@@ -132,7 +132,8 @@ def test_nothing_has_holes_that_its_triangles_have_not(name: str, stage: Stage, 
     )  # fmt: skip
     if not pictures[False]:
         return
-    what, bound = ("surfels with random normals", 0.02) if name == NO_SURFACE else ("surfels", 2e-4)
+    # A single pixel of a picture: where fine triangles lie beside coarse ones their surfels overlap by little.
+    what, bound = ("surfels with random normals", 0.02) if name == NO_SURFACE else ("surfels", 4e-4)
     ledger.record(
         "scenes", f"holes, {what}", "the same meshes as point hierarchies, twice r_sil inside the outline",
         cases=pictures[False], worst=torn, bound=bound, unit="of the picture",
