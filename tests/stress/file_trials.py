@@ -108,6 +108,11 @@ class Worker:
             raise ChildProcessError(f"the process died ({signal_name(status)})")
         return Answer(*json.loads(line))
 
+    def _ask_again_if_slow(self, *arguments: str, forked: bool = True) -> Answer:
+        """Ask; the first model that needs a kernel waits until it is compiled, but what is slow itself is so again."""
+        answer = self.ask(*arguments, forked=forked)
+        return self.ask(*arguments, forked=forked) if answer.seconds > MOST_SECONDS else answer
+
     def _start(self) -> subprocess.Popen[str]:
         kept = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
         folders = {"HOME": "home", "TMPDIR": "tmp", "XDG_CACHE_HOME": "cache", "XDG_CONFIG_HOME": "home",
@@ -166,14 +171,13 @@ class Worker:
         answer = None
         try:
             path = str(folder / trial.name)
-            answer = self.ask("info", path, *trial.options, forked=trial.forked)
-            if answer.seconds > MOST_SECONDS:
-                # The first model that needs a kernel waits until it is compiled; what takes long itself does so again.
-                answer = self.ask("info", path, *trial.options, forked=trial.forked)
+            answer = self._ask_again_if_slow("info", path, *trial.options, forked=trial.forked)
             wrong = judge(answer)
             if not wrong and trial.picture and answer.status == 0:
                 picture = self.root / "pictures" / "a.png"
-                drawn = self.ask("render", path, *trial.options, "--output", str(picture), "--resolution", "48,32")
+                drawn = self._ask_again_if_slow(
+                    "render", path, *trial.options, "--output", str(picture), "--resolution", "48,32"
+                )
                 wrong = judge(drawn) or ("" if drawn.status == 0 else "opens, and cannot be drawn: " + drawn.complaint)
                 picture.unlink(missing_ok=True)
         except (TimeoutError, ChildProcessError) as error:
