@@ -10,15 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hierarchy.at_once import at_once as on_threads
 from hierarchy.encoding import BYTE_ZERO
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.model import Int32Array, Progress, UInt8Array, UInt32Array, ignore_progress
-from hierarchy.tile_fits import FitTables, fit_at_once, fit_in_turn, fit_tables
+from hierarchy.tile_fits import FitTables, fit_tables, fit_tiles
 from hierarchy.tile_kernels import LAYER_SIZE, bake_at_once
 
 # Nodes baked between two reports of progress: some 30 ms of work.
 BLOCK = 4096
+# Nodes that a thread takes at a time.
+PIECE = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +160,7 @@ class TileBaker:
         """Bake tiles of as few texels as will do.
 
         nodes, most : uint32 and int32 (K,), most texels along one side of each tile, of `tile_fits.sides_of`
-        at_once : on all cores, while no other parallel kernel runs; else on this one, and other threads may do the same
+        at_once : on all cores; else on this one. Other threads may do either meanwhile
         """
         if self._tables is None:
             self._tables = fit_tables(self.texels)
@@ -166,8 +169,13 @@ class TileBaker:
         colors = np.empty((len(nodes) if self.has_colors else 0, 4 * texels), np.uint8)
         sides, spreads = np.empty(len(nodes), np.int32), np.zeros((len(nodes), 4), np.uint8)
         tables = tuple(vars(self._tables).values())
-        bake = fit_at_once if at_once else fit_in_turn
-        bake(*self._model, self._own_colors, nodes, most, tables, normals, colors, (spreads, sides))
+
+        def bake(piece: slice) -> None:
+            wanted, rest = (nodes[piece], most[piece]), (spreads[piece], sides[piece])
+            fit_tiles(*self._model, self._own_colors, *wanted, tables, normals[piece], colors[piece], rest)
+
+        size = PIECE if at_once else max(len(nodes), 1)
+        on_threads(bake, [slice(first, first + size) for first in range(0, len(nodes), size)])
         found, of_normals, of_colors = np.unique(sides[sides > 0]), {}, {}
         for side in found.tolist():
             here = np.flatnonzero(sides == side)

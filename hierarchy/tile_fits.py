@@ -317,25 +317,16 @@ def _bake_fitted(model, node, most, tables, out):  # type: ignore[no-untyped-def
     return best
 
 
-@nb.njit(cache=True, nogil=True, parallel=True)
-def fit_at_once(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, tables, normals, colors, rest):  # type: ignore[no-untyped-def]
-    """Bake tiles on all cores. No other parallel kernel may run meanwhile.
+@nb.njit(cache=True, nogil=True)
+def fit_tiles(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, tables, normals, colors, rest):  # type: ignore[no-untyped-def]
+    """Bake tiles on one core, whatever the others do.
 
     wanted, most : uint32 and int32 (K,), nodes and how many texels a side their tiles may have
     normals, colors : uint8 (K, largest^2 * 2) and (K, largest^2 * 4) or no rows, are filled from the front
     rest : uint8 (K, 4), is set to the `_round` of each; int32 (K,), to the texels along one side
     """
-    for i in nb.prange(len(wanted)):
-        model = (nodes, disc_normals, leaves, triangles, own_colors)
-        out = (normals[i], colors[i] if len(colors) > 0 else normals[0, :0], rest[0][i])
-        rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, out)
-
-
-@nb.njit(cache=True, nogil=True)
-def fit_in_turn(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, tables, normals, colors, rest):  # type: ignore[no-untyped-def]
-    """Do the same on one core, whatever the others do."""
+    model = (nodes, disc_normals, leaves, triangles, own_colors)
     for i in range(len(wanted)):
-        model = (nodes, disc_normals, leaves, triangles, own_colors)
         out = (normals[i], colors[i] if len(colors) > 0 else normals[0, :0], rest[0][i])
         rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, out)
 
