@@ -18,13 +18,14 @@ from hierarchy.atomic_file import sweep
 # Names the folder in place of the user's own cache folder.
 VARIABLE = "SURFELSCOPE_CACHE"
 
-# A hierarchy takes some 90 bytes a triangle and its tiles 230 at 16 x 16 texels: ten models of 3 M triangles.
+# A hierarchy takes some 90 bytes a triangle: more than thirty models of 3 M triangles.
 MOST_BYTES = 10_000_000_000
 # All names are looked through at every start.
 MOST_FILES = 2_000
 # The share of a disk that is left to others.
 RESERVE = 0.01
 
+# Earlier versions kept tiles, too: nobody reads those any more, but they are ours to remove.
 _ENTRY = re.compile(r"[0-9a-f]+-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{12}(\.tiles\d+)?\.safetensors")
 _OURS = re.compile(rf"{_ENTRY.pattern}|[0-9a-f]{{32}}\.known")
 
@@ -39,7 +40,7 @@ class CachedFile:
 
     @property
     def is_model(self) -> bool:
-        """It holds a hierarchy, not digests."""
+        """It holds a hierarchy."""
         return self.path.suffix == ".safetensors" and ".tiles" not in self.path.name
 
 

@@ -70,7 +70,7 @@ def save_hierarchy(path: Path, hierarchy: Hierarchy, notes: Mapping[str, str], p
 def load_hierarchy(path: Path) -> tuple[Hierarchy, dict[str, str]]:
     """Map what `save_hierarchy` wrote, and return it with the notes. Raises DamagedFile, OSError."""
     tensors, metadata = map_tensors(path)
-    described = _described(metadata, "hierarchy")
+    described = _described(metadata)
     try:
         hierarchy = Hierarchy(
             name=str(described["name"]),
@@ -98,20 +98,20 @@ def load_hierarchy(path: Path) -> tuple[Hierarchy, dict[str, str]]:
 def read_notes(path: Path) -> dict[str, str]:
     """Return the notes that `save_hierarchy` wrote, without what they belong to. Raises DamagedFile, OSError."""
     metadata = read_metadata(path)
-    _described(metadata, "hierarchy")
+    _described(metadata)
     return _notes(metadata)
 
 
-def _described(metadata: Mapping[str, str], what: str) -> dict[str, Any]:
+def _described(metadata: Mapping[str, str]) -> dict[str, Any]:
     """Return what the metadata says of what is stored. Raises DamagedFile where it is not this program's."""
     if metadata.get("format") != FORMAT:
         raise DamagedFile("it is from another version")
     try:
-        described = json.loads(metadata[what])
+        described = json.loads(metadata["hierarchy"])
     except (LookupError, ValueError) as error:
-        raise DamagedFile(f"it does not hold {what}") from error
+        raise DamagedFile("it does not hold a hierarchy") from error
     if not isinstance(described, dict):
-        raise DamagedFile(f"it does not hold {what}")
+        raise DamagedFile("it does not hold a hierarchy")
     return described
 
 

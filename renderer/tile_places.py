@@ -6,8 +6,6 @@ From the lowest bit: x and y of the first texel, 10 bits each; the layer, 8 bits
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 
 from hierarchy.model import Int32Array
@@ -15,8 +13,6 @@ from hierarchy.model import Int32Array
 NO_TILE = -1
 # Of LAYER_SIZE^2 texels each: a million tiles of 16 x 16.
 MOST_LAYERS = 256
-
-Place = TypeVar("Place", int, Int32Array)
 
 
 def place_of(layer: int | Int32Array, row: int | Int32Array, column: Int32Array, side: int) -> Int32Array:
