@@ -16,6 +16,7 @@ from scan_targets import scan_targets
 from hierarchy.kernel import SHARPNESS
 from hierarchy.leaves import Triangles
 from hierarchy.view import View
+from renderer.context import is_software
 from renderer.frame import Frame
 from renderer.renderer import Renderer
 from renderer.settings import Settings
@@ -79,7 +80,10 @@ def test_many_splats_in_one_pixel(
     ledger.record(
         "kernels", f"normal of {count:,} splats in a pixel", tried, cases=3, worst=worst, bound=bound, unit="degrees"
     )
-    assert depth < 2.0 * (count + 8.0) * SUM_ROUNDING * 2.0
+    # Depth is interpolated between corners; GPUs move those to their grid of parts of a pixel before.
+    grid = 0.0 if is_software(ctx) else 2.0 ** -ctx.info["GL_SUBPIXEL_BITS"]
+    slopes = np.hypot(normals[:, 0], normals[:, 1]) / np.abs(normals[:, 2])
+    assert depth < 2.0 * (count + 8.0) * SUM_ROUNDING * 2.0 + grid * slopes.mean() * 2.0 / VIEW.focal_pixels
 
 
 def test_half_floats_would_have_bent_the_normal(ctx: moderngl.Context, renderer: Renderer, rng) -> None:  # type: ignore[no-untyped-def]
