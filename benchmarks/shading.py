@@ -9,6 +9,7 @@ its centre.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import moderngl
@@ -67,13 +68,15 @@ class PictureShader:
     def __init__(self, ctx: moderngl.Context) -> None:
         """ctx : OpenGL 3.3 core or later; nothing of it stays bound or enabled."""
         self._ctx = ctx
-        self._lights = {color: _program(ctx, light_source(), color) for color in (False, True)}
+        switches = itertools.product((False, True), repeat=2)
+        self._lights = {switch: _program(ctx, light_source(), *switch) for switch in switches}
         parts = [shader_source(f"include/{name}.glsl") for name in ("output", "background")]
-        self._average = _program(ctx, "\n".join([*parts, AVERAGE_SHADER]), False)
+        self._average = _program(ctx, "\n".join([*parts, AVERAGE_SHADER]))
         self._arrays = {program: ctx.vertex_array(program, []) for program in (*self._lights.values(), self._average)}
         self._target: _Target | None = None
         self._view: View | None = None
         self._uniforms: dict[str, object] = {}
+        self._two_sided = False
         self._samples = 0
 
     def start(self, view: View, *, two_sided: bool = False) -> None:
@@ -84,8 +87,8 @@ class PictureShader:
                 self._target.release()
             self._target = _Target(self._ctx, size)
         self._target.light.clear()
-        self._view, self._samples = view, 0
-        self._uniforms = shading_uniforms(view, Settings(two_sided=two_sided), True)
+        self._view, self._two_sided, self._samples = view, two_sided, 0
+        self._uniforms = shading_uniforms(view, Settings(), True)
 
     def add(self, normal: Float32Array, hit: BoolArray, color: Float32Array | None = None) -> None:
         """Add one sample of every pixel.
@@ -101,7 +104,7 @@ class PictureShader:
         shapes = [hit.shape, normal.shape[:2], shape if color is None else color.shape[:2]]
         if any(each != shape for each in shapes):
             raise ValueError(f"the view is {shape}, the sample {shapes}")
-        target, program = self._target, self._lights[color is not None]
+        target, program = self._target, self._lights[color is not None, self._two_sided]
         target.normal.write(_turned(normal, hit, self._view.eye_from_model[:3, :3].copy()))
         if color is not None:
             target.color.write(_turned(color, hit, np.eye(3)))
@@ -194,8 +197,11 @@ def light_source() -> str:
     return source.replace(output, f"{output}\n{macros}")
 
 
-def _program(ctx: moderngl.Context, fragment: str, color: bool) -> moderngl.Program:
+def _program(
+    ctx: moderngl.Context, fragment: str, color: bool = False, two_sided: bool = False
+) -> moderngl.Program:
     header = f"#version {GLSL_VERSION} core\n" + ("#define COLOR 1\n" if color else "")
+    header += "#define TWO_SIDED 1\n" if two_sided else ""
     return ctx.program(header + shader_source("fullscreen.vert"), header + fragment)
 
 

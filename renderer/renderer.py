@@ -10,12 +10,13 @@ import numpy as np
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import NormalTiles
-from hierarchy.view import View, screen_box
+from hierarchy.spans import reached_spans
+from hierarchy.view import View
 from renderer.allocation import GpuError
 from renderer.buffers import SplatBuffers
 from renderer.frame import Frame
 from renderer.limits import Limits, probe_limits
-from renderer.resolve_passes import MARKED, MATCAP_UNIT, Resolve
+from renderer.resolve_passes import CRACK_REACH, MARKED, MATCAP_UNIT, Resolve
 from renderer.settings import Settings
 from renderer.splat_passes import (
     CutBuffers,
@@ -137,9 +138,9 @@ class Renderer:
             draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
         with self._timers.stage("resolve"):
             ground = self._ground(settings.ground_up)
-            box = screen_box(view, self._hierarchy.half_extents)
+            spans = reached_spans(self._hierarchy, cut, view, CRACK_REACH)
             has_colors = self._buffers.colors is not None
-            self._resolve.shade(targets, view, settings, has_colors=has_colors, ground=ground, box=box)
+            self._resolve.shade(targets, view, settings, has_colors=has_colors, ground=ground, spans=spans)
             self._ctx.copy_framebuffer(framebuffer, targets.picture_only)
             self._leave(framebuffer)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
+from hierarchy.model import Float32Array
+from hierarchy.spans import STRIP
 from hierarchy.view import View
 from renderer.allocation import allocating
 from renderer.matcaps import MATCAPS, make_matcap
@@ -17,31 +19,46 @@ from renderer.targets import Targets
 UNITS = {"normal": 0, "color": 1, "depth": 2, "tint": 3}
 MATCAP_UNIT = 4
 
-
+# Pixels beyond what is drawn in which a crack can lie, and in which discs are widened (splat_passes.py), rounded up.
+CRACK_REACH = 4.0
 # Depth in clip space of pixels that may lie in a crack: two steps of a 24-bit buffer before the far plane, where no
 # model reaches (clip_planes leaves a margin).
 MARKED = 1.0 - 4.0 / 2.0**24
 
 
-class FullscreenPass:
-    """A program that runs on every pixel whose depth passes a test against the far plane."""
+class PicturePass:
+    """A program that runs on pixels whose depth passes a test against the far plane: on all, or on those in spans."""
 
-    def __init__(self, ctx: moderngl.Context, fragment: str, defines: dict[str, str | int | float]) -> None:
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        fragment: str,
+        defines: dict[str, str | int | float],
+        spans: moderngl.Buffer | None = None,
+    ) -> None:
+        """spans : what `Resolve` keeps of `reached_spans`; None: all pixels."""
         self._ctx = ctx
-        self._program = make_program(ctx, "fullscreen.vert", fragment, defines)
-        self._array = ctx.vertex_array(self._program, [])
+        self._in_strips = spans is not None
+        self._program = make_program(ctx, "strips.vert" if self._in_strips else "fullscreen.vert", fragment, defines)
+        self._array = ctx.vertex_array(self._program, [(spans, "2f/i", "in_span")] if spans is not None else [])
 
-    def render(self, uniforms: dict[str, object], depth_func: str | None = None, plane: float = 1.0) -> None:
+    def render(
+        self, uniforms: dict[str, object], depth_func: str | None = None, plane: float = 1.0, strips: int = 0
+    ) -> None:
         """Draw into the current framebuffer at a depth.
 
         depth_func : how a pixel's depth has to compare with the plane's, None: draw all
         plane : depth in clip space, 1 is the far plane
+        strips : how many there are, where the pass has spans
         """
         self._ctx.enable_only(moderngl.NOTHING if depth_func is None else moderngl.DEPTH_TEST)
         if depth_func is not None:
             self._ctx.depth_func = depth_func
         set_uniforms(self._program, uniforms | {"plane": plane})
-        self._array.render(moderngl.TRIANGLES, 3)
+        if self._in_strips:
+            self._array.render(moderngl.TRIANGLE_STRIP, 4, instances=strips)
+        else:
+            self._array.render(moderngl.TRIANGLES, 3)
 
     def release(self) -> None:
         self._array.release()
@@ -53,8 +70,9 @@ class Resolve:
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
-        self._passes: dict[tuple[str, tuple[str, ...]], FullscreenPass] = {}
+        self._passes: dict[tuple[str, tuple[str, ...]], PicturePass] = {}
         self._matcaps: dict[str, moderngl.Texture] = {}
+        self._spans = ctx.buffer(reserve=8, dynamic=True)
 
     def shade(
         self,
@@ -64,36 +82,56 @@ class Resolve:
         *,
         has_colors: bool,
         ground: tuple[float, float],
-        box: tuple[int, int, int, int],
+        spans: Float32Array,
     ) -> None:
         """Shade a frame into `targets.picture`.
 
         has_colors : the model has colours of its own
         ground : height of the ground along settings.ground_up and radius of the model, model space
-        box : left, top, right and bottom of the pixels in which the model lies; cracks are looked for there only
+        spans : of `reached_spans`, with a margin of CRACK_REACH; cracks are looked for there only
         """
         uniforms = self._bind(targets) | shading_uniforms(view, settings, has_colors) | _ground(view, settings, ground)
+        uniforms |= {"picture_size": targets.size, "strip": float(STRIP)}
         kinds = _kinds(targets)
+        if settings.two_sided:
+            kinds |= {"TWO_SIDED"}
         if settings.material in MATCAPS:
             self._matcap(settings.material).use(MATCAP_UNIT)
             kinds |= {"MATCAP"}
+        # The floor does not show from below.
+        has_floor = settings.ground and (view.is_parallel or uniforms["ground_plane"][3] < 0.0)  # type: ignore[index]
+        if not has_floor:
+            self._gradient(targets, settings, uniforms)
+            self._ctx.copy_framebuffer(targets.picture_only, targets.gradient)
         targets.picture.use()
         targets.picture.depth_mask = False
         # Software renderers skip what the depth test rejects, and nothing else: hence several passes and not a branch.
         self._pass("resolve_shade.frag", kinds).render(uniforms, ">")
-        # The floor does not show from below.
-        has_floor = settings.ground and (view.is_parallel or uniforms["ground_plane"][3] < 0.0)  # type: ignore[index]
-        self._pass("resolve_background.frag", {"GROUND"} if has_floor else set()).render(uniforms, "==")
-        left, top, right, bottom = box
-        targets.visibility.scissor = targets.picture.scissor = (left, view.height - bottom, right - left, bottom - top)
+        if has_floor:
+            self._pass("resolve_background.frag", {"GROUND"}).render(uniforms, "==")
+        strips = self._bring(spans)
         targets.visibility.use()
         targets.visibility.depth_mask = True
-        self._pass("resolve_cracks.frag", set()).render(uniforms, "<", MARKED)
+        self._pass("resolve_cracks.frag", {"STRIPS"}).render(uniforms, "<", MARKED, strips)
         targets.picture.use()
         targets.picture.depth_mask = False
-        self._pass("resolve_shade.frag", kinds | {"CRACKS"}).render(uniforms, "==", MARKED)
+        self._pass("resolve_shade.frag", kinds | {"CRACKS", "STRIPS"}).render(uniforms, "==", MARKED, strips)
         targets.picture.depth_mask = True
-        targets.visibility.scissor = targets.picture.scissor = None  # type: ignore[assignment]
+
+    def _gradient(self, targets: Targets, settings: Settings, uniforms: dict[str, object]) -> None:
+        """Draw the background into `targets.gradient`, unless that is what is there."""
+        colors = (settings.background_top, settings.background_bottom)
+        if targets.gradient_colors != colors:
+            targets.gradient.use()
+            self._pass("resolve_background.frag", set()).render(uniforms)
+            targets.gradient_colors = colors
+
+    def _bring(self, spans: Float32Array) -> int:
+        """Bring spans to the GPU and return how many they are."""
+        if spans.nbytes > self._spans.size:
+            self._spans.orphan(spans.nbytes)
+        self._spans.write(spans)
+        return len(spans)
 
     def arrays(self, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
         """Return eye-space normal and coverage, float32 (H, W, 4), and depth, float32 (H, W); row 0 at the top.
@@ -123,11 +161,13 @@ class Resolve:
             matcap.release()
         self._passes.clear()
         self._matcaps.clear()
+        self._spans.release()
 
-    def _pass(self, fragment: str, kinds: set[str]) -> FullscreenPass:
+    def _pass(self, fragment: str, kinds: set[str]) -> PicturePass:
         key = (fragment, tuple(sorted(kinds)))
         if key not in self._passes:
-            self._passes[key] = FullscreenPass(self._ctx, fragment, dict.fromkeys(kinds, 1))
+            spans = self._spans if "STRIPS" in kinds else None
+            self._passes[key] = PicturePass(self._ctx, fragment, dict.fromkeys(kinds, 1), spans)
         return self._passes[key]
 
     def _bind(self, targets: Targets) -> dict[str, object]:
@@ -156,7 +196,6 @@ def shading_uniforms(view: View, settings: Settings, has_colors: bool) -> dict[s
     extent = np.array([view.half_height * view.width / view.height, view.half_height])
     return {
         "use_colors": settings.use_colors and has_colors,
-        "two_sided": settings.two_sided,
         "base_color": plain,
         "background_top": settings.background_top,
         "background_bottom": settings.background_bottom,

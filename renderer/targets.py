@@ -6,6 +6,7 @@ import moderngl
 
 from renderer.allocation import allocating
 from renderer.limits import Limits
+from renderer.settings import Rgb
 
 
 def make_picture(ctx: moderngl.Context, limits: Limits, size: tuple[int, int]) -> moderngl.Framebuffer:
@@ -70,6 +71,10 @@ class Targets:
             # framebuffers whose depth has another format, which OpenGL refuses to copy.
             self._sums_only = held.add(ctx.framebuffer(sums))
             self.picture_only = held.add(ctx.framebuffer([color_texture]))
+            # What is seen where nothing is drawn, and its two colours, None: not drawn yet. It does not depend on the
+            # camera: copying it takes a twentieth of the time of drawing it.
+            self.gradient = held.add(ctx.framebuffer([held.add(ctx.texture(size, 4))]))
+            self.gradient_colors: tuple[Rgb, Rgb] | None = None
 
     def location(self, name: str) -> int:
         """Return the colour attachment of a sum."""
@@ -83,7 +88,7 @@ class Targets:
     def nbytes(self) -> int:
         width, height = self.size
         texel = {"f2": 2, "f4": 4}
-        return width * height * (8 + sum(t.components * texel[t.dtype] for t in self.sums.values()))
+        return width * height * (12 + sum(t.components * texel[t.dtype] for t in self.sums.values()))
 
     def release(self) -> None:
         self._held.release()

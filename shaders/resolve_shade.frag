@@ -11,12 +11,12 @@ in vec2 v_uv;
 layout(location = 0) out vec4 out_color;
 
 uniform vec2 ray_slope;  // tangents of half the view angles; 0 where the view rays are parallel
-uniform bool two_sided;
 uniform vec3 base_color;  // linear
 #ifdef COLOR
 uniform bool use_colors;
 #endif
 
+#ifdef TWO_SIDED
 // Turn a normal that faces away. At the outline of a surface seen from its front some do, by a little: turned round they
 // would glare, so they are laid across the line of sight instead.
 vec3 towards_eye(vec3 n, vec3 ray)
@@ -25,13 +25,16 @@ vec3 towards_eye(vec3 n, vec3 ray)
     if (away <= 0.0) return n;
     return away > 0.2 ? -n : normalize(n - away * ray);
 }
+#endif
 
 vec3 shade(Sums sums)
 {
     vec3 ray = normalize(vec3((v_uv * 2.0 - 1.0) * ray_slope, -1.0));
     float norm = length(sums.normal.xyz);
     vec3 n = norm > 0.0 ? sums.normal.xyz / norm : -ray;
-    if (two_sided) n = towards_eye(n, ray);
+#ifdef TWO_SIDED
+    n = towards_eye(n, ray);
+#endif
     vec3 albedo = base_color;
 #ifdef COLOR
     if (use_colors) albedo = linear_from_srgb(sums.color.rgb / sums.color.a);

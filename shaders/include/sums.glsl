@@ -53,11 +53,15 @@ bool is_inside(ivec2 at)
 
 bool is_covered(ivec2 at) { return is_inside(at) && texelFetch(sum_normal, at, 0).w > 0.0; }
 
-// Tell whether an uncovered pixel may lie in a crack: the part of the test that is cheap.
+// Tell whether an uncovered pixel may lie in a crack: a covered one is next to it, and both sides are covered within two
+// pixels across or along the rows, as on one of these axes they are in every crack.
 bool may_be_crack(ivec2 at)
 {
-    return is_covered(at - ivec2(1, 0)) || is_covered(at + ivec2(1, 0)) ||
-           is_covered(at - ivec2(0, 1)) || is_covered(at + ivec2(0, 1));
+    bvec4 next = bvec4(is_covered(at - ivec2(1, 0)), is_covered(at + ivec2(1, 0)),
+                       is_covered(at - ivec2(0, 1)), is_covered(at + ivec2(0, 1)));
+    bvec4 near = bvec4(next.x || is_covered(at - ivec2(2, 0)), next.y || is_covered(at + ivec2(2, 0)),
+                       next.z || is_covered(at - ivec2(0, 2)), next.w || is_covered(at + ivec2(0, 2)));
+    return any(next) && ((near.x && near.y) || (near.z && near.w));
 }
 
 // Tell whether an uncovered pixel that may be in a crack lies in one, and return the sums of the pixels around it.

@@ -15,6 +15,7 @@ from benchmarks.rays import RayCaster
 from benchmarks.reference import cast
 from benchmarks.shading import PictureShader, cast_with_picture, light_source
 from hierarchy.model import BoolArray, Float32Array, Mesh, UInt8Array
+from hierarchy.spans import STRIP
 from hierarchy.view import look_at
 from renderer.resolve_passes import Resolve
 from renderer.settings import Settings
@@ -59,7 +60,8 @@ def resolved(
     if color is not None:
         targets.sums["color"].write(sums(color))
     targets.visible_depth.write(np.where(hit[::-1], 0.5, 1.0).astype(np.float32).tobytes())
-    resolve.shade(targets, VIEW, settings, has_colors=color is not None, ground=(0.0, 1.0), box=(0, 0, 0, 0))
+    no_spans = np.zeros((-(-HEIGHT // STRIP), 2), np.float32)
+    resolve.shade(targets, VIEW, settings, has_colors=color is not None, ground=(0.0, 1.0), spans=no_spans)
     picture = np.frombuffer(targets.picture.read(components=3, alignment=1), np.uint8)
     ctx.detect_framebuffer(0).use()
     resolve.release()

@@ -129,19 +129,20 @@ def test_all_variants_of_the_passes_compile(ctx: moderngl.Context, primitive: st
 
 
 def test_all_variants_of_the_resolve_compile(ctx: moderngl.Context) -> None:
-    switches = ("COLOR", "TINT", "MATCAP", "CRACKS")
-    for chosen in itertools.product((False, True), repeat=4):
+    switches = ("COLOR", "TINT", "MATCAP", "TWO_SIDED", "CRACKS")
+    for chosen in itertools.product((False, True), repeat=5):
         defines = {name: 1 for name, on in zip(switches, chosen, strict=True) if on}
-        program = make_program(ctx, "fullscreen.vert", "resolve_shade.frag", defines)
+        vertex = "strips.vert" if "CRACKS" in defines else "fullscreen.vert"
+        program = make_program(ctx, vertex, "resolve_shade.frag", defines)
         assert ("matcap" in program) == ("MATCAP" in defines)
         program.release()
     for fragment, defines in (
         ("resolve_background.frag", {}),
         ("resolve_background.frag", {"GROUND": 1}),
-        ("resolve_cracks.frag", {}),
         ("resolve_arrays.frag", {"DEPTH": 1}),
     ):
         make_program(ctx, "fullscreen.vert", fragment, defines).release()
+    make_program(ctx, "strips.vert", "resolve_cracks.frag").release()
 
 
 def sphere_and_seams() -> np.ndarray:
