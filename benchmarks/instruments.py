@@ -44,6 +44,7 @@ class InstrumentedRenderer(Renderer):
         if settings.blending:
             draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
         draw = draw_attributes if settings.blending else draw_nearest
+        targets.clear_sums()
         query = self._ctx.query(samples=True)
         with query:
             draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)

@@ -13,8 +13,9 @@ from benchmarks.tables import table
 
 IGEA, BUNNY = "igea.ply", "stanford-bunny.obj"
 DEGREES, PIXELS = 0.8, 0.25
-# Sizes of the growing surface, and the share of the plain triangles' time that a frame may take there.
-SIZES = {4_000_000: 0.12, 17_000_000: 0.03}
+# The share of the plain triangles' time that a frame may take, of Igea and of the growing surface at some sizes.
+IGEA_SHARE = 0.6
+SIZES = {4_000_000: 0.08, 17_000_000: 0.02}
 
 Row = tuple[str, str, str, str]
 
@@ -48,9 +49,9 @@ def _igea_frame(points: Sequence[Point]) -> Iterator[Row]:
         if good
         else min(own, key=lambda p: max(p.error / DEGREES, p.displacement / PIXELS))
     )
-    target = f"frame at most 0.8 of plain triangles at {DEGREES:g} degrees and {PIXELS:g} px"
+    target = f"frame at most {IGEA_SHARE:g} of plain triangles at {DEGREES:g} degrees and {PIXELS:g} px"
     measured = f"{best.ratio:.2f} at {best.error:.2f} degrees and {best.displacement:.2f} px{numbers(best.setting)}"
-    yield f"Igea, {_views(best)}", target, measured, _met(bool(good) and best.ratio <= 0.8)
+    yield f"Igea, {_views(best)}", target, measured, _met(bool(good) and best.ratio <= IGEA_SHARE)
 
 
 def _size_row(entry: Json, share: float) -> Row:

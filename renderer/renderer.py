@@ -133,12 +133,13 @@ class Renderer:
         with self._timers.stage("visibility"):
             if settings.blending:
                 draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
+        spans = reached_spans(self._hierarchy, cut, view, CRACK_REACH)
         with self._timers.stage("attributes"):
+            self._resolve.erase(targets, spans)
             draw = draw_attributes if settings.blending else draw_nearest
             draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
         with self._timers.stage("resolve"):
             ground = self._ground(settings.ground_up)
-            spans = reached_spans(self._hierarchy, cut, view, CRACK_REACH)
             has_colors = self._buffers.colors is not None
             self._resolve.shade(targets, view, settings, has_colors=has_colors, ground=ground, spans=spans)
             self._ctx.copy_framebuffer(framebuffer, targets.picture_only)
@@ -157,6 +158,7 @@ class Renderer:
         variant = self._variant(settings, view, depth=True, tint=False)
         try:
             self._enter()
+            targets.clear_sums()
             uniforms = self._upload(cut, view, settings)
             if settings.blending:
                 draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)

@@ -245,8 +245,7 @@ def draw_visibility(
 def draw_attributes(
     ctx: moderngl.Context, targets: Targets, attributes: SplatPass, cut: Cut, uniforms: dict[str, object]
 ) -> None:
-    """Add up the attributes of everything that lies before the visible depth."""
-    targets.clear_sums()
+    """Add up the attributes of everything that lies before the visible depth; the sums are zero before."""
     targets.attributes.use()
     targets.attributes.depth_mask = False
     ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
@@ -260,11 +259,13 @@ def draw_attributes(
 def draw_nearest(
     ctx: moderngl.Context, targets: Targets, attributes: SplatPass, cut: Cut, uniforms: dict[str, object]
 ) -> None:
-    """Write the attributes of the nearest splat or triangle alone, without blending: one pass instead of two."""
+    """Write the attributes of the nearest splat or triangle alone, without blending: one pass instead of two.
+
+    The sums are zero before.
+    """
     targets.visibility.use()
     targets.visibility.depth_mask = True
     targets.visibility.clear(depth=1.0)
-    targets.clear_sums()
     targets.attributes.use()
     targets.attributes.depth_mask = True
     ctx.enable_only(moderngl.DEPTH_TEST)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
+from hierarchy.model import Float32Array
 from renderer.allocation import allocating
 from renderer.limits import Limits
 from renderer.settings import Rgb
@@ -70,6 +71,8 @@ class Targets:
             # The same without the depth buffer: to clear the sums and keep it, and to copy the picture into
             # framebuffers whose depth has another format, which OpenGL refuses to copy.
             self._sums_only = held.add(ctx.framebuffer(sums))
+            # Where sums may be anything but zero, as in `reached_spans`; None: anywhere.
+            self.drawn: Float32Array | None = None
             self.picture_only = held.add(ctx.framebuffer([color_texture]))
             # What is seen where nothing is drawn, and its two colours, None: not drawn yet. It does not depend on the
             # camera: copying it takes a twentieth of the time of drawing it.
@@ -83,6 +86,10 @@ class Targets:
     def clear_sums(self) -> None:
         """Set every sum to zero."""
         self._sums_only.clear()
+
+    def use_sums(self) -> None:
+        """Bind the sums alone, without the depth."""
+        self._sums_only.use()
 
     @property
     def nbytes(self) -> int:

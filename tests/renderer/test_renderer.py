@@ -14,13 +14,16 @@ from benchmarks.error import angle_degrees
 from hierarchy.build import build_hierarchy
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut, select_cut
+from hierarchy.meteoroid import make_meteoroid
 from hierarchy.model import PointCloud
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
+from hierarchy.spans import STRIP, reached_spans
 from hierarchy.view import View, look_at
 from renderer.allocation import GpuError, Held, allocating
 from renderer.buffers import RECORD_WIDTH, record_texture
 from renderer.frame import Frame
 from renderer.renderer import Renderer
+from renderer.resolve_passes import CRACK_REACH
 from renderer.settings import Settings
 
 Draw = Callable[..., tuple[Frame, Cut]]
@@ -142,6 +145,32 @@ def test_the_same_frame_twice_gives_the_same_bytes(draw: Draw, meteoroid: Scene)
     draw(view_of(meteoroid[0], eye=(3, 0, 1)), *meteoroid)
     again, _ = draw(view_of(meteoroid[0]), *meteoroid, cut=cut)
     assert same(first, again)
+
+
+@pytest.mark.parametrize("splat", ["quad", "sprite"])
+@pytest.mark.parametrize("blending", [True, False])
+@pytest.mark.parametrize("points", [True, False])
+def test_nothing_is_left_of_the_frames_before(
+    draw: Draw, renderer: Renderer, points: bool, blending: bool, splat: str
+) -> None:
+    hierarchy = build_hierarchy(make_meteoroid(2_000), points=points)
+    settings = Settings(splat=splat, blending=blending, splat_outlines=True)
+    eyes = [(1, 2, 3), (0.4, 0.2, 1.5), (8, 1, 1), (-1.5, 0, 1)]
+    views = [view_of(hierarchy, (110, 90), eye) for eye in eyes]
+    pictures = [draw(view, hierarchy, settings=settings)[0] for view in views]
+    assert renderer._targets is not None
+    for view, after_others in zip(views, pictures, strict=True):
+        renderer._release_targets()
+        frame, cut = draw(view, hierarchy, settings=settings)
+        assert same(frame, after_others)
+        # Sums are zero outside of the spans that they are erased in before the next frame.
+        spans = reached_spans(hierarchy, cut, view, CRACK_REACH)
+        rows, columns = np.mgrid[:90, :110]
+        inside = (columns >= spans[rows // STRIP, 0]) & (columns < spans[rows // STRIP, 1])
+        for texture in renderer._targets.sums.values():
+            sums = np.frombuffer(texture.read(), np.float32).reshape(90, 110, -1)
+            assert sums[inside].any()
+            assert not sums[~inside].any()
 
 
 def test_models_and_tiles_can_be_exchanged(draw: Draw, renderer: Renderer, meteoroid: Scene, discs: Hierarchy) -> None:

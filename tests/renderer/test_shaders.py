@@ -142,7 +142,8 @@ def test_all_variants_of_the_resolve_compile(ctx: moderngl.Context) -> None:
         ("resolve_arrays.frag", {"DEPTH": 1}),
     ):
         make_program(ctx, "fullscreen.vert", fragment, defines).release()
-    make_program(ctx, "strips.vert", "resolve_cracks.frag").release()
+    for fragment in ("resolve_cracks.frag", "erase.frag"):
+        make_program(ctx, "strips.vert", fragment).release()
 
 
 def sphere_and_seams() -> np.ndarray:
