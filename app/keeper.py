@@ -14,7 +14,7 @@ PATIENCE = 2.0
 
 
 class Keeper:
-    """Keeps what it is given, on a thread of its own. Nothing here uses the kernels, nor raises."""
+    """Keeps what it is given, on a thread of its own. Nothing here uses parallel kernels, nor raises."""
 
     def __init__(self, cache: Cache) -> None:
         self._cache = cache
