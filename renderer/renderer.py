@@ -139,7 +139,8 @@ class Renderer:
             draw = draw_attributes if settings.blending else draw_nearest
             draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
         with self._timers.stage("resolve"):
-            ground = self._ground(settings.ground_up)
+            # Looking for it takes a tenth of a second where there are millions of vertices.
+            ground = self._ground(settings.ground_up) if settings.ground else (0.0, self._hierarchy.bounds[1])
             has_colors = self._buffers.colors is not None
             self._resolve.shade(targets, view, settings, has_colors=has_colors, ground=ground, spans=spans)
             self._ctx.copy_framebuffer(framebuffer, targets.picture_only)
@@ -233,6 +234,7 @@ class Renderer:
     def _upload(self, cut: Cut, view: View, settings: Settings) -> dict[str, object]:
         """Bring the cut to the GPU and bind the hierarchy; return the uniforms of the passes."""
         assert self._buffers is not None
+        self._buffers.bring(cut)
         self._cut_buffers.upload(cut, self._tiles)
         return pass_uniforms(cut, view, settings, self._buffers, self._tiles)
 

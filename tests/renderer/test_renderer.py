@@ -19,6 +19,7 @@ from hierarchy.model import PointCloud
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.spans import STRIP, reached_spans
 from hierarchy.view import View, look_at
+from renderer import buffers
 from renderer.allocation import GpuError, Held, allocating
 from renderer.buffers import RECORD_WIDTH, record_texture
 from renderer.frame import Frame
@@ -235,6 +236,63 @@ def test_what_does_not_fit_leaves_the_old_one_in_place(
             renderer.set_tiles(tiles)
     assert renderer.gpu_bytes == held
     assert same(draw(view_of(hierarchy), hierarchy, tiles, cut=cut)[0], before)
+
+
+def test_large_models_are_brought_as_far_as_they_are_drawn(
+    ctx: moderngl.Context, draw: Draw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hierarchy = build_hierarchy(make_meteoroid(40_000))
+    views = [view_of(hierarchy, (200, 150), eye) for eye in ((1, 2, 3), (0.3, 0.2, 1.2), (-3, 0, 0))]
+    radii = {"r_sil": 1.0, "r_inner": 4.0}
+    whole = [draw(view, hierarchy, **radii)[0] for view in views]
+    written: list[int] = []
+    write_records = buffers.write_records
+    monkeypatch.setattr(buffers, "WHOLE", 0)
+    monkeypatch.setattr(buffers, "VERTICES", 64)
+    monkeypatch.setattr(
+        buffers, "write_records", lambda *given: written.extend(range(*given[2:])) or write_records(*given)
+    )
+    # The same hierarchy anew.
+    hierarchy = dataclasses.replace(hierarchy)
+    pages = -(-hierarchy.node_count * buffers.TEXELS_PER_SPLAT // RECORD_WIDTH)
+    for view, expected in zip(views, whole, strict=True):
+        frame, cut = draw(view, hierarchy, **radii)
+        assert cut.triangle_count > 0
+        assert same(frame, expected)
+        drawn = np.unique(cut.splats * buffers.TEXELS_PER_SPLAT // RECORD_WIDTH)
+        assert set(drawn) <= set(written)
+        # None of them twice.
+        assert len(set(written)) == len(written) <= pages
+    before = len(written)
+    draw(views[0], hierarchy, **radii)
+    assert len(written) == before
+
+
+def test_pages_are_brought_once_and_side_by_side() -> None:
+    brought: list[tuple[int, int]] = []
+    pages = buffers.Pages(95, 10, lambda first, end: brought.append((first, end)))
+    pages.bring(np.array([[5, 94], [12, 13]], np.uint32))
+    pages.bring(np.array([25, 12, 90], np.uint32))
+    pages.bring(np.empty(0, np.uint32))
+    pages.bring_all()
+    pages.bring(np.arange(95, dtype=np.uint32))
+    assert brought == [(0, 2), (9, 10), (2, 3), (3, 9)]
+
+
+def test_page_that_could_not_be_brought_is_tried_again() -> None:
+    brought: list[int] = []
+
+    def write(first: int, end: int) -> None:
+        brought.append(first)
+        if len(brought) == 1:
+            raise MemoryError
+
+    pages = buffers.Pages(30, 10, write)
+    with pytest.raises(MemoryError):
+        pages.bring(np.array([11]))
+    pages.bring(np.array([12]))
+    pages.bring(np.array([13]))
+    assert brought == [1, 1]
 
 
 def test_more_splats_than_a_texture_has_layers_for_are_an_error(ctx: moderngl.Context, renderer: Renderer) -> None:

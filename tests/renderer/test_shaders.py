@@ -18,7 +18,7 @@ from hierarchy.encoding import decode_hemisphere, encode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.hierarchy import SPLAT
 from renderer.allocation import Held
-from renderer.buffers import RECORD_WIDTH, TEXELS_PER_SPLAT, record_texture
+from renderer.buffers import RECORD_WIDTH, TEXELS_PER_SPLAT, record_texture, write_records
 from renderer.limits import Limits
 from renderer.programs import make_program, shader_source
 from renderer.splat_passes import Variant
@@ -229,6 +229,8 @@ def test_records_arrive_as_they_were_sent(ctx: moderngl.Context, rows: int, laye
     texels = records.view(np.float32).reshape(-1, 4)
     texture = record_texture(ctx, replace(LIMITS, texture_size=rows), held, texels, "f4")
     assert texture.layers == layers
+    for first, end in ((1, 4), (0, 1), (4, 5)):
+        write_records(texture, texels, first, end)
     values = ctx.texture((RECORD_WIDTH, 5), 1, dtype="f1")
     body = """
     int index = at.y * textureSize(values, 0).x + at.x;
