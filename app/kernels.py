@@ -46,6 +46,17 @@ def keep_kernels_apart(parent: Path | None = None) -> None:
     os.environ[VARIABLE] = str(folder)
 
 
+def spare_blas() -> None:
+    """Keep numba from importing scipy's linear algebra, 0.17 s, before the first kernel: none multiplies matrices."""
+    from numba.np import linalg
+
+    def refuse() -> None:
+        raise ImportError
+
+    # What numba does without is looked for once, when it is first needed.
+    linalg.ensure_blas = refuse
+
+
 def state_of_code() -> str:
     """Return what differs whenever a file with kernels does: 16 letters and digits."""
     digest = hashlib.blake2b(sys.version.encode(), digest_size=8)

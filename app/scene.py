@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from app.kernels import spare_blas
 from hierarchy.model import Mesh, Model, ModelError, Progress, ignore_progress, in_file_space
 from hierarchy.plain_text import plain_line
 
@@ -108,6 +109,8 @@ def open_scene(
         wants to see it
     Raises ModelError.
     """
+    # Kernels come from here on.
+    spare_blas()
     scene = _find(source, cache)
     return _build(source, progress, show) if scene is None else scene
 
