@@ -48,6 +48,8 @@ class FitTables:
     sides : texels along one side, ascending; int32 (S,)
     lows, shares : texel x of a tile of sides[i] lies between the texels low and low + 1 of one of sides[j], by the
         share; int32 and float32 (S, S, largest)
+    firsts : the first texel that counts of row or column y of a tile of sides[i], int32 (S, largest); as many at its
+        end do not count either
     inverses, begins : of the normal equations, row by row behind each other, float32, and where each begins, int64
         (S, S)
     """
@@ -55,6 +57,7 @@ class FitTables:
     sides: Int32Array
     lows: Int32Array
     shares: Float32Array
+    firsts: Int32Array
     inverses: Float32Array
     begins: Int64Array
 
@@ -69,10 +72,11 @@ def fit_tables(texels: int) -> FitTables:
     sides = sides_of(texels)
     count = len(sides)
     lows, shares = np.zeros((count, count, texels), np.int32), np.zeros((count, count, texels), np.float32)
-    begins = np.zeros((count, count), np.int64)
+    firsts, begins = np.zeros((count, texels), np.int32), np.zeros((count, count), np.int64)
     inverses: list[Float32Array] = []
     end = 0
     for i, fine in enumerate(sides):
+        firsts[i, :fine] = _first_texels(fine)
         at = np.linspace(-1.0, 1.0, fine)
         inside = at[:, None] ** 2 + at[None, :] ** 2 <= _reach2(fine)
         for j, coarse in enumerate(sides[:i]):
@@ -89,7 +93,7 @@ def fit_tables(texels: int) -> FitTables:
             inverses.append(inverse.astype(np.float32).ravel())
             end += inverse.size
     flat = np.concatenate(inverses) if inverses else np.empty(0, np.float32)
-    return FitTables(np.array(sides, np.int32), lows, shares, flat, begins)
+    return FitTables(np.array(sides, np.int32), lows, shares, firsts, flat, begins)
 
 
 def _reach2(texels: int) -> float:
@@ -97,156 +101,216 @@ def _reach2(texels: int) -> float:
     return float((1.0 + 2.0 / max(texels - 1, 1)) ** 2)
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
-def _row(y, texels):  # type: ignore[no-untyped-def]
-    """Return the first of the texels of row y that count and the one behind the last."""
+def _first_texels(texels: int) -> Int32Array:
+    """Return the first of the texels of each row that count, int32 (texels,)."""
     half = 0.5 * (texels - 1)
-    wide = math.sqrt(max((half + 1.0) ** 2 - (y - half) ** 2, 0.0))
-    first = max(math.ceil(half - wide), 0)
-    return first, texels - first
+    wide = np.sqrt(np.maximum((half + 1.0) ** 2 - (np.arange(texels) - half) ** 2, 0.0))
+    firsts: Int32Array = np.maximum(np.ceil(half - wide), 0.0).astype(np.int32)
+    return firsts
 
 
-@nb.njit(cache=True, nogil=True)
+# Below, texels lie by columns and rows, x w + y, where loops over a column can take several at a time, and those of
+# fitted tiles by rows and columns, as they are stored. Arrays that are worked in do not overlap, which compilers must
+# be told to do so.
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _encode(nearest, sums, frame, triangles, values, units):  # type: ignore[no-untyped-def]
     """Turn sums into what the texels store, not yet rounded, and unit normals.
 
-    values : float32 (C, w, w): the two bytes of the normal less BYTE_ZERO, and red, green, blue and alpha
-    units : float32 (3, w, w), in the disc's frame
+    nearest, sums : float64 (w^2,) and (3 or 7, w^2)
+    values : float32 (C, w^2): the two bytes of the normal less BYTE_ZERO, and red, green, blue and alpha
+    units : float32 (3, w^2), in the disc's frame
     """
-    texels = len(nearest)
-    channels = len(values)
-    for y in range(texels):
-        for x in range(texels):
-            if nearest[y, x] == np.inf if triangles else nearest[y, x] <= 0.0:
-                values[:, y, x] = 0.0
-                units[0, y, x] = units[1, y, x] = 0.0
-                units[2, y, x] = 1.0
-                continue
-            a = sums[y, x, 0] * frame[0, 0] + sums[y, x, 1] * frame[0, 1] + sums[y, x, 2] * frame[0, 2]
-            b = sums[y, x, 0] * frame[1, 0] + sums[y, x, 1] * frame[1, 1] + sums[y, x, 2] * frame[1, 2]
-            c = max(sums[y, x, 0] * frame[2, 0] + sums[y, x, 1] * frame[2, 1] + sums[y, x, 2] * frame[2, 2], 0.0)
-            total = abs(a) + abs(b) + c
-            if not total > 0.0:
-                a, b, c, total = 0.0, 0.0, 1.0, 1.0
-            a, b, c = a / total, b / total, c / total
-            values[0, y, x], values[1, y, x] = BYTE_SCALE * (a + b), BYTE_SCALE * (a - b)
-            norm = math.sqrt(a * a + b * b + c * c)
-            units[0, y, x], units[1, y, x], units[2, y, x] = a / norm, b / norm, c / norm
-            weight = 1.0 if triangles else nearest[y, x]
-            for k in range(2, channels):
-                values[k, y, x] = sums[y, x, k + 1] / weight
+    ux, uy, uz = frame[0, 0], frame[0, 1], frame[0, 2]
+    vx, vy, vz = frame[1, 0], frame[1, 1], frame[1, 2]
+    nx, ny, nz = frame[2, 0], frame[2, 1], frame[2, 2]
+    for i in range(len(nearest)):
+        hit = nearest[i] < np.inf if triangles else nearest[i] > 0.0
+        x, y, z = sums[0, i], sums[1, i], sums[2, i]
+        a = x * ux + y * uy + z * uz
+        b = x * vx + y * vy + z * vz
+        c = max(x * nx + y * ny + z * nz, 0.0)
+        total = abs(a) + abs(b) + c
+        known = hit and total > 0.0
+        a, b, c, total = (a, b, c, total) if known else (0.0, 0.0, 1.0, 1.0)
+        a, b, c = a / total, b / total, c / total
+        values[0, i], values[1, i] = BYTE_SCALE * (a + b), BYTE_SCALE * (a - b)
+        norm = math.sqrt(a * a + b * b + c * c)
+        units[0, i], units[1, i], units[2, i] = a / norm, b / norm, c / norm
+    for k in range(2, len(values)):
+        for i in range(len(nearest)):
+            hit = nearest[i] < np.inf if triangles else nearest[i] > 0.0
+            weight = 1.0 if triangles else nearest[i]
+            values[k, i] = sums[k + 1, i] / weight if hit else 0.0
 
 
-@nb.njit(cache=True, nogil=True)
-def _fit(values, low, share, inverse, side, fitted):  # type: ignore[no-untyped-def]
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _fit(values, low, share, firsts, inverse, side, lines, sums, fitted):  # type: ignore[no-untyped-def]
     """Fit a tile by one of side x side texels: least squares over the texels of the disc.
 
-    values : float32 (C, w, w); fitted : float32 (C, side^2)
+    values : float32 (C, w^2); fitted : float32 (C, side^2 or more)
+    lines, sums : float32 (C, side or more, w) and (side^2 or more,) to work in
     """
-    channels, texels = len(values), values.shape[1]
+    texels, count = len(low), side * side
     one = np.float32(1.0)
-    sums = np.zeros((channels, side * side), np.float32)
-    row = np.empty(side, np.float32)
-    for y in range(texels):
-        first, last = _row(y, texels)
-        upper, lower = low[y] * side, (low[y] + 1) * side
-        for k in range(channels):
-            row[:] = 0.0
-            for x in range(first, last):
-                value = values[k, y, x]
-                right = share[x] * value
-                row[low[x]] += value - right
-                row[low[x] + 1] += right
+    for k in range(len(values)):
+        lines[k, :side] = 0.0
+        for x in range(texels):
+            left, part = low[x], share[x]
+            for y in range(firsts[x], texels - firsts[x]):
+                value = values[k, x * texels + y]
+                right = part * value
+                lines[k, left, y] += value - right
+                lines[k, left + 1, y] += right
+        sums[:count] = 0.0
+        for y in range(texels):
+            upper, lower = low[y] * side, (low[y] + 1) * side
             for j in range(side):
-                sums[k, upper + j] += (one - share[y]) * row[j]
-                sums[k, lower + j] += share[y] * row[j]
-    count = side * side
-    for k in range(channels):
+                sums[upper + j] += (one - share[y]) * lines[k, j, y]
+                sums[lower + j] += share[y] * lines[k, j, y]
         fitted[k, :count] = 0.0
         # The inverse is symmetric: row by row it adds up along memory.
         for j in range(count):
-            value = sums[k, j]
+            value = sums[j]
             for i in range(count):
                 fitted[k, i] += inverse[j * count + i] * value
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+def _ends(values, count):  # type: ignore[no-untyped-def]
+    """Return the least and the largest of the first values, none of which is no number."""
+    low = high = values[0]
+    for i in range(1, count):
+        low, high = min(low, values[i]), max(high, values[i])
+    return low, high
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _spread(values, count, spread):  # type: ignore[no-untyped-def]
+    """Set spread, uint8 (4,), to low.x, low.y, width.x and width.y of normals, values (C, N), of which `count` count.
+
+    Byte b stands for low + b width / 255, so that normals that vary little are kept more finely.
+    """
+    for k in range(2):
+        low, high = _ends(values[k], count)
+        # What no texel of the disc tells is not always in the square.
+        low, high = min(max(low, -BYTE_SCALE), BYTE_SCALE), min(max(high, -BYTE_SCALE), BYTE_SCALE)
+        first = math.floor(low + BYTE_ZERO)
+        spread[k], spread[2 + k] = np.uint8(first), np.uint8(max(math.ceil(high + BYTE_ZERO) - first, 1))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _round(fitted, count, spread):  # type: ignore[no-untyped-def]
     """Round texels to what their bytes will stand for.
 
-    fitted : float32 (C, side^2), the first `count` of each row
-    spread : uint8 (4,), is set to low.x, low.y, width.x and width.y of the normals: byte b stands for
-        low + b width / 255, so that normals that vary little are kept more finely
+    fitted : float32 (C, side^2 or more), the first `count` of each row
+    spread : is set to that of the normals
+    """
+    _spread(fitted, count, spread)
+    for k in range(2):
+        first, width = np.float64(spread[k]), np.float64(spread[2 + k])
+        for i in range(count):
+            byte = np.rint((min(max(fitted[k, i], -BYTE_SCALE), BYTE_SCALE) + BYTE_ZERO - first) * (255.0 / width))
+            fitted[k, i] = first + byte * (width / 255.0) - BYTE_ZERO
+    for k in range(2, len(fitted)):
+        for i in range(count):
+            fitted[k, i] = min(max(np.rint(fitted[k, i]), 0.0), 255.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _look_up(fitted, side, low, share, lines):  # type: ignore[no-untyped-def]
+    """Interpolate a tile of side x side texels along its columns: lines, float32 (C, side or more, w), are set.
+
+    A tile of one texel is the same everywhere.
     """
     for k in range(len(fitted)):
-        if k >= 2:
-            for i in range(count):
-                fitted[k, i] = min(max(np.rint(fitted[k, i]), 0.0), 255.0)
+        if side == 1:
+            lines[k, :2] = fitted[k, 0]
             continue
-        low, high = BYTE_SCALE, -BYTE_SCALE
-        for i in range(count):
-            # What no texel of the disc tells is not always in the square.
-            fitted[k, i] = min(max(fitted[k, i], -BYTE_SCALE), BYTE_SCALE)
-            low, high = min(low, fitted[k, i]), max(high, fitted[k, i])
-        first = math.floor(low + BYTE_ZERO)
-        width = max(math.ceil(high + BYTE_ZERO) - first, 1)
-        spread[k], spread[2 + k] = np.uint8(first), np.uint8(width)
-        for i in range(count):
-            byte = np.rint((fitted[k, i] + BYTE_ZERO - first) * (255.0 / width))
-            fitted[k, i] = first + byte * (width / 255.0) - BYTE_ZERO
+        for j in range(side):
+            for y in range(len(low)):
+                upper, lower = fitted[k, low[y] * side + j], fitted[k, (low[y] + 1) * side + j]
+                lines[k, j, y] = upper + share[y] * (lower - upper)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _normals_off(lines, low, share, units, off):  # type: ignore[no-untyped-def]
+    """Set off, float32 (w^2,), to the squares by which normals that are looked up differ, in radians."""
+    texels = len(low)
+    one, half = np.float32(1.0), np.float32(0.5 / BYTE_SCALE)
+    for x in range(texels):
+        left, part = low[x], share[x]
+        for y in range(texels):
+            p, q = lines[0, left, y], lines[1, left, y]
+            p, q = p + part * (lines[0, left + 1, y] - p), q + part * (lines[1, left + 1, y] - q)
+            a, b = (p + q) * half, (p - q) * half
+            c = one - abs(a) - abs(b)
+            scale = one / math.sqrt(a * a + b * b + c * c)
+            i = x * texels + y
+            dx, dy, dz = a * scale - units[0, i], b * scale - units[1, i], c * scale - units[2, i]
+            off[i] = dx * dx + dy * dy + dz * dz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _colors_off(lines, low, share, values, own, off):  # type: ignore[no-untyped-def]
+    """Set off, float32 (w^2,), to the squares by which colours that are looked up differ, in grey levels.
+
+    own : float32 (3,), the colour that shows where alpha is 0
+    """
+    texels = len(low)
+    whole = np.float32(1.0 / 255.0)
+    for x in range(texels):
+        left, part = low[x], share[x]
+        for y in range(texels):
+            i = x * texels + y
+            alpha = lines[5, left, y]
+            clear = (values[5, i] - (alpha + part * (lines[5, left + 1, y] - alpha))) * whole
+            worst = np.float32(0.0)
+            for k in range(3):
+                near = lines[2 + k, left, y]
+                near = near + part * (lines[2 + k, left + 1, y] - near)
+                d = values[2 + k, i] - near - clear * own[k]
+                worst = max(worst, d * d)
+            off[i] = worst
 
 
 @nb.njit(cache=True, nogil=True)
-def _error(values, units, low, share, side, fitted, own):  # type: ignore[no-untyped-def]
+def _sum_off(off, firsts):  # type: ignore[no-untyped-def]
+    """Return the sum over the texels of the disc, row by row, the largest, and how many they are."""
+    texels = len(firsts)
+    total, most, count = np.float32(0.0), np.float32(0.0), 0
+    for y in range(texels):
+        count += texels - 2 * firsts[y]
+        for x in range(firsts[y], texels - firsts[y]):
+            total += off[x * texels + y]
+            most = max(most, off[x * texels + y])
+    return total, most, count
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _error(values, units, low, share, firsts, side, fitted, own, lines, off):  # type: ignore[no-untyped-def]
     """Return by how much a coarser tile, looked up as the shader does, differs from a tile.
 
     side : of the coarser tile; 1: one value everywhere
     own : float32 (3,), the colour that shows where alpha is 0
+    lines, off : float32 (C, side or more, w) and (w^2,) to work in
 
     Returns the root of the mean square in radians, that of colours counted as `LEVEL` each, and whether it is off
     nowhere by more than `WORST` and `WORST_COLOR`.
     """
-    channels, texels = len(values), values.shape[1]
-    one, half, whole = np.float32(1.0), np.float32(0.5 / BYTE_SCALE), np.float32(1.0 / 255.0)
-    most, most_color = np.float32(0.0), np.float32(0.0)
-    total, total_color, count = np.float32(0.0), np.float32(0.0), 0
-    line = np.empty((channels, side + 1), np.float32)
-    near = np.empty((channels, texels), np.float32)
-    for y in range(texels):
-        first, last = _row(y, texels)
-        count += last - first
-        for k in range(channels):
-            if side == 1:
-                near[k, :] = fitted[k, 0]
-                continue
-            upper, lower = low[y] * side, (low[y] + 1) * side
-            for j in range(side):
-                line[k, j] = fitted[k, upper + j] + share[y] * (fitted[k, lower + j] - fitted[k, upper + j])
-            for x in range(first, last):
-                left = line[k, low[x]]
-                near[k, x] = left + share[x] * (line[k, low[x] + 1] - left)
-        for x in range(first, last):
-            a, b = (near[0, x] + near[1, x]) * half, (near[0, x] - near[1, x]) * half
-            c = one - abs(a) - abs(b)
-            scale = one / math.sqrt(a * a + b * b + c * c)
-            dx, dy, dz = a * scale - units[0, y, x], b * scale - units[1, y, x], c * scale - units[2, y, x]
-            off = dx * dx + dy * dy + dz * dz
-            total += off
-            most = max(most, off)
-        if channels > 2:
-            for x in range(first, last):
-                clear = (values[5, y, x] - near[5, x]) * whole
-                off = np.float32(0.0)
-                for k in range(3):
-                    d = values[2 + k, y, x] - near[2 + k, x] - clear * own[k]
-                    off = max(off, d * d)
-                total_color += off
-                most_color = max(most_color, off)
+    _look_up(fitted, side, low, share, lines)
+    _normals_off(lines, low, share, units, off)
+    total, most, count = _sum_off(off, firsts)
+    total_color, most_color = np.float32(0.0), np.float32(0.0)
+    if len(values) > 2:
+        _colors_off(lines, low, share, values, own, off)
+        total_color, most_color, _ = _sum_off(off, firsts)
     fair = most <= WORST * WORST and most_color <= WORST_COLOR * WORST_COLOR
     return math.sqrt(total / count) + LEVEL * math.sqrt(total_color / count), fair
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _store_tile(fitted, side, spread, out):  # type: ignore[no-untyped-def]
     """Store the bytes of a tile that `_round` has rounded, from the front of the arrays on, and its spread."""
     out_normals, out_colors, out_spread = out
@@ -261,45 +325,68 @@ def _store_tile(fitted, side, spread, out):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _bake_fitted(model, node, most, tables, out):  # type: ignore[no-untyped-def]
+def _store_whole(values, most, fitted, spread, out):  # type: ignore[no-untyped-def]
+    """Store the tile that was baked; fitted, spread : float32 (C, w^2) and uint8 (4,) to work in."""
+    for k in range(len(values)):
+        for y in range(most):
+            for x in range(most):
+                fitted[k, y * most + x] = values[k, x * most + y]
+    _round(fitted, most * most, spread)
+    _store_tile(fitted, most, spread, out)
+
+
+@nb.njit(cache=True, nogil=True)
+def _desk(most, channels):  # type: ignore[no-untyped-def]
+    """Return arrays to bake and fit tiles of `most` x `most` texels in, one after the other."""
+    texels = most * most
+    return (
+        np.empty((3, 3), np.float64),  # frame
+        np.empty((most, most), np.float64),  # nearest
+        np.empty((1 + channels if channels > 2 else 3, most, most), np.float64),  # sums
+        np.empty((channels, texels), np.float32),  # values
+        np.empty((3, texels), np.float32),  # units
+        np.empty((channels, texels), np.float32),  # fitted
+        np.empty((channels, max(most, 2), most), np.float32),  # lines
+        np.empty(texels, np.float32),  # sums of the fit, or by how much it is off
+        np.empty(4, np.uint8),  # spread
+        np.zeros(3, np.float32),  # own colour
+    )
+
+
+@nb.njit(cache=True, nogil=True)
+def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyped-def]
     """Bake a node's tile with as few texels as will do; return how many along one side, 0 where its own normal will.
 
     most : texels along one side at most, one of the sides
-    out : where to store normals and colours, uint8, flat, the texels first, no colours where there are none; and what
-        `_round` says of the normals, uint8 (4,)
+    desk : of `_desk`, for that many
+    out : where to store normals and colours, uint8, flat, the texels first, no colours where there are none; and the
+        spread of the normals, uint8 (4,)
     """
     nodes, disc_normals, leaves, triangles, own_colors = model
-    sides, lows, shares, inverses, begins = tables
-    channels = 6 if len(out[1]) > 0 else 2
-    frame = np.empty((3, 3), np.float64)
-    nearest = np.empty((most, most))
-    sums = np.empty((most, most, 1 + channels if channels > 2 else 3))
+    sides, lows, shares, all_firsts, inverses, begins = tables
+    frame, nearest, sums, values, units, fitted, lines, off, spread, own = desk
+    channels, texels = len(values), most * most
     sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums)
-    values = np.empty((channels, most, most), np.float32)
-    units = np.empty((3, most, most), np.float32)
-    _encode(nearest, sums, frame, triangles, values, units)
-    fitted = np.zeros((channels, most * most), np.float32)
-    own = np.zeros(3, np.float32)
+    _encode(nearest.reshape(texels), sums.reshape((len(sums), texels)), frame, triangles, values, units)
+    if most == 1:
+        _store_whole(values, most, fitted, spread, out)
+        return 1
     if channels > 2:
         for k in range(3):
             own[k] = own_colors[node, k]
     size = 0
     while sides[size] < most:
         size += 1
-    spread = np.zeros(4, np.uint8)
-    for k in range(channels):
-        fitted[k] = values[k].ravel()
-    _round(fitted, most * most, spread)
-    _store_tile(fitted, most, spread, out)
-    if most == 1:
-        return 1
+    firsts = all_firsts[size, :most]
+    _spread(values, texels, spread)
+    out[2][:] = spread
     # What a radian is worth, in texels: that of a splat as wide as its texels may be, or wider where w_s limits them.
     wide = max(most, WIDE) if most == sides[-1] else most
     worth = (wide - 1) ** 2 / PRICE / (1 if channels == 2 else 3)
-    best, cheapest = most, most * most + worth * ROUNDING * max(spread[2], spread[3]) / 255.0
+    best, cheapest = most, texels + worth * ROUNDING * max(spread[2], spread[3]) / 255.0
     # Alpha 0 and a byte of 0: the node's own colour and normal.
-    fitted[:] = 0.0
-    error, fair = _error(values, units, lows[0, 0], shares[0, 0], 1, fitted, own)
+    fitted[:, 0] = 0.0
+    error, fair = _error(values, units, lows[0, 0, :most], shares[0, 0, :most], firsts, 1, fitted, own, lines, off)
     if fair and worth * error <= cheapest:
         best, cheapest = 0, worth * error
     for coarser in range(size):
@@ -307,13 +394,15 @@ def _bake_fitted(model, node, most, tables, out):  # type: ignore[no-untyped-def
         if side * side >= cheapest:
             break
         begin = begins[size, coarser]
-        low, share = lows[size, coarser], shares[size, coarser]
-        _fit(values, low, share, inverses[begin : begin + side**4], side, fitted)
+        low, share = lows[size, coarser, :most], shares[size, coarser, :most]
+        _fit(values, low, share, firsts, inverses[begin : begin + side**4], side, lines, off, fitted)
         _round(fitted, side * side, spread)
-        error, fair = _error(values, units, low, share, side, fitted, own)
+        error, fair = _error(values, units, low, share, firsts, side, fitted, own, lines, off)
         if fair and side * side + worth * error <= cheapest:
             best, cheapest = side, side * side + worth * error
             _store_tile(fitted, side, spread, out)
+    if best == most:
+        _store_whole(values, most, fitted, spread, out)
     return best
 
 
@@ -323,12 +412,16 @@ def fit_tiles(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, 
 
     wanted, most : uint32 and int32 (K,), nodes and how many texels a side their tiles may have
     normals, colors : uint8 (K, largest^2 * 2) and (K, largest^2 * 4) or no rows, are filled from the front
-    rest : uint8 (K, 4), is set to the `_round` of each; int32 (K,), to the texels along one side
+    rest : uint8 (K, 4), is set to the spread of each; int32 (K,), to the texels along one side
     """
     model = (nodes, disc_normals, leaves, triangles, own_colors)
+    channels = 6 if len(colors) > 0 else 2
+    desk = _desk(most[0] if len(most) > 0 else 1, channels)
     for i in range(len(wanted)):
+        if len(desk[1]) != most[i]:
+            desk = _desk(most[i], channels)
         out = (normals[i], colors[i] if len(colors) > 0 else normals[0, :0], rest[0][i])
-        rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, out)
+        rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, desk, out)
 
 
 @nb.njit(cache=True, nogil=True, inline="always")

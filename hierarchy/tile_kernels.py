@@ -55,28 +55,31 @@ def _texels_between(low, high, texels):  # type: ignore[no-untyped-def]
     return math.ceil(max(low, 0.0)), math.floor(min(high, texels - 1.0))
 
 
-@nb.njit(cache=True, nogil=True)
-def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, sums):  # type: ignore[no-untyped-def]
+@nb.njit(cache=True, nogil=True, inline="always")
+def _seen_from(vectors, row, origin):  # type: ignore[no-untyped-def]
+    return vectors[row, 0] - origin[0], vectors[row, 1] - origin[1], vectors[row, 2] - origin[2]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _along(vector, axis):  # type: ignore[no-untyped-def]
+    return vector[0] * axis[0] + vector[1] * axis[1] + vector[2] * axis[2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, height, sums):  # type: ignore[no-untyped-def]
     """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
 
-    corners : float64 (3, 3), u, v, h of the vertices a, b, c in the disc's frame
-    scale, offset : a point u lies at texel u * scale + offset
-    height, sums : float64 (w, w) and (w, w, C): distance of the nearest hit so far, its normal in model space and,
-        where C is 7, its colour
-    Returns how many texels it looked at.
+    x_of, y_of, h_of : of the three vertices, in texels and, the distance from the plane, in lengths
+    box : the first and the last column and row of texels that it may cover
+    area : twice that of the triangle, seen along the disc's normal
+    height, sums : float64 (w, w) and (C, w, w), columns of texels: distance of the nearest hit so far, its normal in
+        model space and, where C is 7, its colour
     """
-    ax, ay = corners[0, 0] * scale + offset, corners[0, 1] * scale + offset
-    bx, by = corners[1, 0] * scale + offset, corners[1, 1] * scale + offset
-    cx, cy = corners[2, 0] * scale + offset, corners[2, 1] * scale + offset
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if not area > 0.0:
-        return 0
-    texels = len(height)
+    (ax, bx, cx), (ay, by, cy), (a, b, c) = x_of, y_of, vertices
+    left, right, low, high = box
     slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
-    left, right = _texels_between(min(ax, bx, cx) - EDGE_SLACK, max(ax, bx, cx) + EDGE_SLACK, texels)
-    low, high = _texels_between(min(ay, by, cy) - EDGE_SLACK, max(ay, by, cy) + EDGE_SLACK, texels)
-    for y in range(low, high + 1):
-        for x in range(left, right + 1):
+    for x in range(left, right + 1):
+        for y in range(low, high + 1):
             wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
             wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
             # Each from its own edge, which has exactly the opposite in the triangle beyond: no texel falls between.
@@ -89,93 +92,108 @@ def _scatter_triangle(corners, a, b, c, normals, colors, scale, offset, height, 
             if not total > 0.0:
                 continue
             wa, wb, wc = wa / total, wb / total, wc / total
-            h = abs(wa * corners[0, 2] + wb * corners[1, 2] + wc * corners[2, 2])
-            if h < height[y, x]:
-                height[y, x] = h
+            h = abs(wa * h_of[0] + wb * h_of[1] + wc * h_of[2])
+            if h < height[x, y]:
+                height[x, y] = h
                 for k in range(3):
-                    sums[y, x, k] = wa * normals[a, k] + wb * normals[b, k] + wc * normals[c, k]
-                for k in range(3, sums.shape[2]):
-                    sums[y, x, k] = wa * colors[a, k - 3] + wb * colors[b, k - 3] + wc * colors[c, k - 3]
-    return max(high + 1 - low, 0) * max(right + 1 - left, 0)
+                    sums[k, x, y] = wa * normals[a, k] + wb * normals[b, k] + wc * normals[c, k]
+                for k in range(3, len(sums)):
+                    sums[k, x, y] = wa * colors[a, k - 3] + wb * colors[b, k - 3] + wc * colors[c, k - 3]
 
 
-@nb.njit(cache=True, nogil=True)
-def _scatter_surfel(corner, radius, leaf, normals, colors, spacing, offset, weights, sums):  # type: ignore[no-untyped-def]
+@nb.njit(cache=True, nogil=True, inline="always")
+def _scatter_triangle(leaves, leaf, disc, scale, half, height, sums):  # type: ignore[no-untyped-def]
+    """Scatter a triangle into a tile, of which it may well cover no texel; return how many texels it looked at."""
+    positions, normals, indices, _, colors = leaves
+    at, u, v, n = disc
+    vertices = (indices[leaf, 0], indices[leaf, 1], indices[leaf, 2])
+    texels = len(height)
+    a, b, c = (
+        _seen_from(positions, vertices[0], at),
+        _seen_from(positions, vertices[1], at),
+        _seen_from(positions, vertices[2], at),
+    )
+    ax, bx, cx = _along(a, u) * scale + half, _along(b, u) * scale + half, _along(c, u) * scale + half
+    left, right = _texels_between(min(ax, bx, cx) - EDGE_SLACK, max(ax, bx, cx) + EDGE_SLACK, texels)
+    if left > right:
+        return 0
+    ay, by, cy = _along(a, v) * scale + half, _along(b, v) * scale + half, _along(c, v) * scale + half
+    low, high = _texels_between(min(ay, by, cy) - EDGE_SLACK, max(ay, by, cy) + EDGE_SLACK, texels)
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if low > high or not area > 0.0:
+        return 0
+    h_of = (_along(a, n), _along(b, n), _along(c, n))
+    box = (left, right, low, high)
+    _fill_triangle((ax, bx, cx), (ay, by, cy), h_of, box, area, vertices, normals, colors, height, sums)
+    return (high + 1 - low) * (right + 1 - left)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _scatter_surfel(leaves, leaf, disc, scale, half, weights, sums):  # type: ignore[no-untyped-def]
     """Add a base surfel's weighted normal to the texels whose lines hit its disc (Algorithm 1, eq. 13-14).
 
-    corner : float64 (3, 3), its centre and its normal in the disc's frame
-    spacing, offset : texel x lies at (x - offset) * spacing
-    weights, sums : float64 (w, w) and (w, w, C): sum of weights, weighted normals in model space and, where C is 7,
-        weighted colours
+    weights, sums : float64 (w, w) and (C, w, w), columns of texels: sum of weights, weighted normals in model space
+        and, where C is 7, weighted colours
     Returns how many texels it looked at.
     """
+    positions, normals, _, radii, colors = leaves
+    at, o1, o2, n = disc
     texels = len(weights)
-    u, v, a, b, c = corner[0, 0], corner[0, 1], corner[1, 0], corner[1, 1], corner[1, 2]
+    centre, normal = _seen_from(positions, leaf, at), (normals[leaf, 0], normals[leaf, 1], normals[leaf, 2])
+    u, v = _along(centre, o1), _along(centre, o2)
+    a, b, c = _along(normal, o1), _along(normal, o2), _along(normal, n)
+    radius, spacing = np.float64(radii[leaf]), 1.0 / scale
     if c <= 1e-6 or not radius > 0.0:
         return 0
     # Not 1 - a^2: at grazing angles that is what the stored normal is off unit length.
     extent_u = radius * math.sqrt(b * b + c * c)
     extent_v = radius * math.sqrt(a * a + c * c)
-    left, right = _texels_between((u - extent_u) / spacing + offset, (u + extent_u) / spacing + offset, texels)
-    low, high = _texels_between((v - extent_v) / spacing + offset, (v + extent_v) / spacing + offset, texels)
-    for y in range(low, high + 1):
-        for x in range(left, right + 1):
-            du, dv = (x - offset) * spacing - u, (y - offset) * spacing - v
+    left, right = _texels_between((u - extent_u) / spacing + half, (u + extent_u) / spacing + half, texels)
+    low, high = _texels_between((v - extent_v) / spacing + half, (v + extent_v) / spacing + half, texels)
+    for x in range(left, right + 1):
+        for y in range(low, high + 1):
+            du, dv = (x - half) * spacing - u, (y - half) * spacing - v
             dh = -(a * du + b * dv) / c
             rho2 = (du * du + dv * dv + dh * dh) / (radius * radius)
             if rho2 >= 1.0:
                 continue
             weight = gaussian(rho2)
-            weights[y, x] += weight
+            weights[x, y] += weight
             for k in range(3):
-                sums[y, x, k] += weight * normals[leaf, k]
-            for k in range(3, sums.shape[2]):
-                sums[y, x, k] += weight * colors[leaf, k - 3]
+                sums[k, x, y] += weight * normals[leaf, k]
+            for k in range(3, len(sums)):
+                sums[k, x, y] += weight * colors[leaf, k - 3]
     return max(high + 1 - low, 0) * max(right + 1 - left, 0)
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _to_frame(x, y, z, frame, out, row):  # type: ignore[no-untyped-def]
-    for k in range(3):
-        out[row, k] = x * frame[k, 0] + y * frame[k, 1] + z * frame[k, 2]
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums):  # type: ignore[no-untyped-def]
+def _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums):  # type: ignore[no-untyped-def]
     """Scatter a leaf into a tile; return how much work it was, in leaves and texels.
 
-    at : where the disc's centre lies; reach : of the sphere that selects surfels; corner : float64 (3, 3) to work in
+    disc : where its centre lies, o1, o2 and its normal, three floats each
+    reach : of the sphere that selects surfels
+    scale, half : a point u of the disc's plane lies at texel u * scale + half
+    nearest, sums : of `sum_up`
     """
-    positions, normals, indices, radii, colors = leaves
-    px, py, pz = at
     if triangles:
-        a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
-        _to_frame(positions[a, 0] - px, positions[a, 1] - py, positions[a, 2] - pz, frame, corner, 0)
-        _to_frame(positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz, frame, corner, 1)
-        _to_frame(positions[c, 0] - px, positions[c, 1] - py, positions[c, 2] - pz, frame, corner, 2)
-        return 1 + _scatter_triangle(corner, a, b, c, normals, colors, scale, half, nearest, sums)
-    x, y, z = positions[leaf, 0] - px, positions[leaf, 1] - py, positions[leaf, 2] - pz
-    if x * x + y * y + z * z > (reach + radii[leaf]) ** 2:
+        return 1 + _scatter_triangle(leaves, leaf, disc, scale, half, nearest, sums)
+    x, y, z = _seen_from(leaves[0], leaf, disc[0])
+    if x * x + y * y + z * z > (reach + leaves[3][leaf]) ** 2:
         return 1
-    _to_frame(x, y, z, frame, corner, 0)
-    _to_frame(normals[leaf, 0], normals[leaf, 1], normals[leaf, 2], frame, corner, 1)
-    radius = np.float64(radii[leaf])
-    return 1 + _scatter_surfel(corner, radius, leaf, normals, colors, 1.0 / scale, half, nearest, sums)
+    return 1 + _scatter_surfel(leaves, leaf, disc, scale, half, nearest, sums)
 
 
 @nb.njit(cache=True, nogil=True)
-def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # type: ignore[no-untyped-def]
+def _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # type: ignore[no-untyped-def]
     """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile.
 
     Returns whether the work allowed for a tile was enough for it.
     """
     me = nodes[node]
-    at = (np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]))
-    px, py, pz = at
+    px, py, pz = disc[0]
     reach = _reach(np.float64(me["radius"]), np.float64(me["sphere"]), texels)
     half = 0.5 * (texels - 1)
     scale = _scale(me, texels)
-    corner = np.empty((3, 3), np.float64)
     work_left = _most_work(me, texels)
     # A path down the tree is at most 74 nodes long (octree.py).
     stack = np.empty(128, np.int32)
@@ -197,7 +215,7 @@ def _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # ty
             # The leaves between two children hang on this node itself.
             end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
             for leaf in range(begin, end):
-                work_left -= _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums)
+                work_left -= _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
             if child < last:
                 begin = nodes[child]["leaf_end"]
                 stack[top] = child
@@ -218,18 +236,16 @@ def _most_work(me, texels):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums):  # type: ignore[no-untyped-def]
+def _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # type: ignore[no-untyped-def]
     """Scatter as many leaves into a tile as the work allowed for it is enough for: the node's own, then others nearby.
 
     Own leaves come in an order of which any beginning is spread evenly over all: steps of the golden ratio. The others
     are those before and behind them in Morton order.
     """
     me = nodes[node]
-    at = (np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]))
     reach = _reach(np.float64(me["radius"]), np.float64(me["sphere"]), texels)
     half = 0.5 * (texels - 1)
     scale = _scale(me, texels)
-    corner = np.empty((3, 3), np.float64)
     work_left = _most_work(me, texels)
     begin, end = np.int64(me["leaf_begin"]), np.int64(me["leaf_end"])
     count = end - begin
@@ -238,16 +254,16 @@ def _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums)
         step += 1
     for k in range(count):
         leaf = begin + k * step % count
-        work_left -= _scatter(leaves, triangles, leaf, at, reach, frame, scale, half, corner, nearest, sums)
+        work_left -= _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
         if work_left < 0:
             return
     leaf_count = np.int64(nodes[0]["leaf_end"])
     for k in range(leaf_count):
         before, behind = begin - 1 - k, end + k
         if before >= 0:
-            work_left -= _scatter(leaves, triangles, before, at, reach, frame, scale, half, corner, nearest, sums)
+            work_left -= _scatter(leaves, triangles, before, disc, reach, scale, half, nearest, sums)
         if behind < leaf_count:
-            work_left -= _scatter(leaves, triangles, behind, at, reach, frame, scale, half, corner, nearest, sums)
+            work_left -= _scatter(leaves, triangles, behind, disc, reach, scale, half, nearest, sums)
         if work_left < 0:
             return
 
@@ -256,16 +272,16 @@ def _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums)
 def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: ignore[no-untyped-def]
     """Encode a tile's sums into its texels of the atlas; a texel that hit nothing keeps what is there."""
     texels = len(nearest)
-    local = np.empty((1, 3), np.float64)
     for y in range(texels):
         for x in range(texels):
-            if nearest[y, x] == np.inf if triangles else nearest[y, x] <= 0.0:
+            if nearest[x, y] == np.inf if triangles else nearest[x, y] <= 0.0:
                 continue
-            _to_frame(sums[y, x, 0], sums[y, x, 1], sums[y, x, 2], frame, local, 0)
-            out_normals[y, x, 0], out_normals[y, x, 1] = encode_hemisphere(local[0, 0], local[0, 1], local[0, 2])
-            weight = 1.0 if triangles else nearest[y, x]
-            for k in range(3, sums.shape[2]):
-                out_colors[y, x, k - 3] = np.rint(sums[y, x, k] / weight)
+            normal = (sums[0, x, y], sums[1, x, y], sums[2, x, y])
+            code = encode_hemisphere(_along(normal, frame[0]), _along(normal, frame[1]), _along(normal, frame[2]))
+            out_normals[y, x, 0], out_normals[y, x, 1] = code
+            weight = 1.0 if triangles else nearest[x, y]
+            for k in range(3, len(sums)):
+                out_colors[y, x, k - 3] = np.rint(sums[k, x, y] / weight)
 
 
 @nb.njit(cache=True, nogil=True)
@@ -273,7 +289,7 @@ def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums): 
     """Sum up what lies over a node's disc in the texels of its tile.
 
     frame : float64 (3, 3), is set to the disc's: o1, o2 and its normal in rows
-    nearest, sums : float64 (w, w) and (w, w, C), are set to what `_scatter_triangle` or `_scatter_surfel` leaves there
+    nearest, sums : float64 (w, w) and (C, w, w), are set to what `_fill_triangle` or `_scatter_surfel` leaves there
     """
     texels = len(nearest)
     for k in range(3):
@@ -281,12 +297,15 @@ def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums): 
     u = tangents(frame[2, 0], frame[2, 1], frame[2, 2])
     for k in range(3):
         frame[0, k], frame[1, k] = u[k], u[3 + k]
+    me = nodes[node]
+    at = (np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]))
+    disc = (at, (u[0], u[1], u[2]), (u[3], u[4], u[5]), (frame[2, 0], frame[2, 1], frame[2, 2]))
     nearest[:] = np.inf if triangles else 0.0
     sums[:] = 0.0
-    if not _gather(nodes, leaves, triangles, node, frame, texels, nearest, sums):
+    if not _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):
         nearest[:] = np.inf if triangles else 0.0
         sums[:] = 0.0
-        _gather_sample(nodes, leaves, triangles, node, frame, texels, nearest, sums)
+        _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums)
 
 
 @nb.njit(cache=True, nogil=True)
@@ -295,7 +314,7 @@ def _bake(nodes, disc_normals, leaves, triangles, node, index, texels, normals, 
     side = LAYER_SIZE // texels
     frame = np.empty((3, 3), np.float64)
     nearest = np.empty((texels, texels))
-    sums = np.empty((texels, texels, 7 if len(colors) > 0 else 3))
+    sums = np.empty((7 if len(colors) > 0 else 3, texels, texels))
     sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums)
     layer, row, column = index // side**2, index // side % side * texels, index % side * texels
     tile = normals[layer, row : row + texels, column : column + texels]

@@ -60,3 +60,10 @@ def test_no_place_for_kernels_is_no_end(tmp_path):
     assert run.returncode == 0, run.stderr
     assert Path(run.stdout.strip()).parent == tmp_path
     assert list(tmp_path.iterdir()) == [blocked]
+
+
+def test_no_kernel_waits_for_libraries_of_linear_algebra():
+    code = "import sys; from app.kernels import spare_blas; spare_blas(); from hierarchy.kernel import gaussian\n"
+    code += "assert gaussian(0.0) == 1.0; sys.exit('scipy.linalg' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
