@@ -197,9 +197,7 @@ def light_source() -> str:
     return source.replace(output, f"{output}\n{macros}")
 
 
-def _program(
-    ctx: moderngl.Context, fragment: str, color: bool = False, two_sided: bool = False
-) -> moderngl.Program:
+def _program(ctx: moderngl.Context, fragment: str, color: bool = False, two_sided: bool = False) -> moderngl.Program:
     header = f"#version {GLSL_VERSION} core\n" + ("#define COLOR 1\n" if color else "")
     header += "#define TWO_SIDED 1\n" if two_sided else ""
     return ctx.program(header + shader_source("fullscreen.vert"), header + fragment)
