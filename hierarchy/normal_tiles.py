@@ -12,10 +12,11 @@ import numpy as np
 
 from hierarchy.at_once import at_once as on_threads
 from hierarchy.encoding import BYTE_ZERO
+from hierarchy.fit_tables import FitTables, fit_tables
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.model import Int32Array, Progress, UInt8Array, UInt32Array, ignore_progress
-from hierarchy.tile_fits import FitTables, fit_tables, fit_tiles
+from hierarchy.tile_fits import fit_tiles
 from hierarchy.tile_kernels import LAYER_SIZE, bake_at_once
 
 # Nodes baked between two reports of progress: some 30 ms of work.
@@ -159,7 +160,7 @@ class TileBaker:
     def fitted(self, nodes: UInt32Array, most: Int32Array, *, at_once: bool = False) -> FittedTiles:
         """Bake tiles of as few texels as will do.
 
-        nodes, most : uint32 and int32 (K,), most texels along one side of each tile, of `tile_fits.sides_of`
+        nodes, most : uint32 and int32 (K,), most texels along one side of each tile, of `tile_sizes.sides_of`
         at_once : on all cores; else on this one. Other threads may do either meanwhile
         """
         if self._tables is None:

@@ -24,7 +24,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut
 from hierarchy.spreads import SCALES, UNIT
-from hierarchy.tile_fits import COARSER, side_seen
+from hierarchy.tile_sizes import COARSER, side_seen
 from hierarchy.view import View
 
 # Shares of the texels' spacing, of the displacement by relief, and of a pixel, at which the spread counts. Of w_s

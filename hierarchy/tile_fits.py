@@ -3,28 +3,20 @@
 A tile is baked with as many texels as the view can show and then fitted by coarser ones, least squares over the disc.
 Taken is the one whose texels and whose error, at the price of `PRICE`, are least together: so a number of bytes goes to
 the tiles where it lowers the error over all pixels most. A tile of 2 x 2 texels is the linear field of Botsch et al.
-2004, "Phong Splatting", eq. 2-4, with a bilinear term besides; what the fit leaves open at the corners, where no texel
-of the disc is, is made smooth instead of small (they take the pseudo-inverse).
+2004, "Phong Splatting", eq. 2-4, with a bilinear term besides.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
 
 from hierarchy.encoding import BYTE_SCALE, BYTE_ZERO
-from hierarchy.hierarchy import Hierarchy
-from hierarchy.model import Float32Array, Int32Array, Int64Array, UInt32Array
+from hierarchy.tile_errors import error_of_fit
 from hierarchy.tile_kernels import sum_up
-from hierarchy.view import View
 
-# What a coarser tile may be off anywhere, in radians, and in grey levels of a colour.
-WORST, WORST_COLOR = math.radians(6.0), 24.0
-# A colour that is off by one grey level counts as much as a normal that is off by these radians.
-LEVEL = math.radians(0.25)
 # What rounding to bytes alone makes a tile differ from the normals baked, in radians.
 ROUNDING = math.radians(0.15)
 # By how many radians each texel has to lower the error of a splat whose picture is as many pixels wide as its tile may
@@ -33,80 +25,6 @@ ROUNDING = math.radians(0.15)
 PRICE = math.radians(0.4)
 # A splat whose tile has as many texels as w_s allows counts as one of at least so many.
 WIDE = 16
-# Tiles are fitted by tiles of these texels a side; a fit takes the square of the square of it.
-COARSER = (2, 4, 8, 16)
-# Texels that are no further apart than this, in pixels, are enough.
-TEXEL_PIXELS = 1.6
-# Weight of the differences of neighbouring texels in the fit.
-SMOOTHNESS = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class FitTables:
-    """What fitting tiles of each size by coarser ones takes, computed once.
-
-    sides : texels along one side, ascending; int32 (S,)
-    lows, shares : texel x of a tile of sides[i] lies between the texels low and low + 1 of one of sides[j], by the
-        share; int32 and float32 (S, S, largest)
-    firsts : the first texel that counts of row or column y of a tile of sides[i], int32 (S, largest); as many at its
-        end do not count either
-    inverses, begins : of the normal equations, row by row behind each other, float32, and where each begins, int64
-        (S, S)
-    """
-
-    sides: Int32Array
-    lows: Int32Array
-    shares: Float32Array
-    firsts: Int32Array
-    inverses: Float32Array
-    begins: Int64Array
-
-
-def sides_of(texels: int) -> tuple[int, ...]:
-    """Return the texels along one side that tiles of at most `texels` may have, ascending."""
-    return (*(side for side in COARSER if side < texels), texels)
-
-
-def fit_tables(texels: int) -> FitTables:
-    """Compute the tables for tiles of at most `texels` texels a side."""
-    sides = sides_of(texels)
-    count = len(sides)
-    lows, shares = np.zeros((count, count, texels), np.int32), np.zeros((count, count, texels), np.float32)
-    firsts, begins = np.zeros((count, texels), np.int32), np.zeros((count, count), np.int64)
-    inverses: list[Float32Array] = []
-    end = 0
-    for i, fine in enumerate(sides):
-        firsts[i, :fine] = _first_texels(fine)
-        at = np.linspace(-1.0, 1.0, fine)
-        inside = at[:, None] ** 2 + at[None, :] ** 2 <= _reach2(fine)
-        for j, coarse in enumerate(sides[:i]):
-            place = np.arange(fine) * ((coarse - 1) / (fine - 1))
-            low = np.minimum(place.astype(np.int32), coarse - 2)
-            lows[i, j, :fine], shares[i, j, :fine] = low, place - low
-            line = np.zeros((fine, coarse))
-            line[np.arange(fine), low], line[np.arange(fine), low + 1] = 1.0 - (place - low), place - low
-            inner = np.kron(line, line)[inside.ravel()]
-            step = np.diff(np.eye(coarse), axis=0)
-            rough = np.concatenate([np.kron(step, np.eye(coarse)), np.kron(np.eye(coarse), step)])
-            inverse = np.linalg.inv(inner.T @ inner + SMOOTHNESS * rough.T @ rough)
-            begins[i, j] = end
-            inverses.append(inverse.astype(np.float32).ravel())
-            end += inverse.size
-    flat = np.concatenate(inverses) if inverses else np.empty(0, np.float32)
-    return FitTables(np.array(sides, np.int32), lows, shares, firsts, flat, begins)
-
-
-def _reach2(texels: int) -> float:
-    """Return the square of the distance, in radii, up to which texels count: those that the disc's rim lies between."""
-    return float((1.0 + 2.0 / max(texels - 1, 1)) ** 2)
-
-
-def _first_texels(texels: int) -> Int32Array:
-    """Return the first of the texels of each row that count, int32 (texels,)."""
-    half = 0.5 * (texels - 1)
-    wide = np.sqrt(np.maximum((half + 1.0) ** 2 - (np.arange(texels) - half) ** 2, 0.0))
-    firsts: Int32Array = np.maximum(np.ceil(half - wide), 0.0).astype(np.int32)
-    return firsts
 
 
 # Below, texels lie by columns and rows, x w + y, where loops over a column can take several at a time, and those of
@@ -219,98 +137,6 @@ def _round(fitted, count, spread):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _look_up(fitted, side, low, share, lines):  # type: ignore[no-untyped-def]
-    """Interpolate a tile of side x side texels along its columns: lines, float32 (C, side or more, w), are set.
-
-    A tile of one texel is the same everywhere.
-    """
-    for k in range(len(fitted)):
-        if side == 1:
-            lines[k, :2] = fitted[k, 0]
-            continue
-        for j in range(side):
-            for y in range(len(low)):
-                upper, lower = fitted[k, low[y] * side + j], fitted[k, (low[y] + 1) * side + j]
-                lines[k, j, y] = upper + share[y] * (lower - upper)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _normals_off(lines, low, share, units, off):  # type: ignore[no-untyped-def]
-    """Set off, float32 (w^2,), to the squares by which normals that are looked up differ, in radians."""
-    texels = len(low)
-    one, half = np.float32(1.0), np.float32(0.5 / BYTE_SCALE)
-    for x in range(texels):
-        left, part = low[x], share[x]
-        for y in range(texels):
-            p, q = lines[0, left, y], lines[1, left, y]
-            p, q = p + part * (lines[0, left + 1, y] - p), q + part * (lines[1, left + 1, y] - q)
-            a, b = (p + q) * half, (p - q) * half
-            c = one - abs(a) - abs(b)
-            scale = one / math.sqrt(a * a + b * b + c * c)
-            i = x * texels + y
-            dx, dy, dz = a * scale - units[0, i], b * scale - units[1, i], c * scale - units[2, i]
-            off[i] = dx * dx + dy * dy + dz * dz
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _colors_off(lines, low, share, values, own, off):  # type: ignore[no-untyped-def]
-    """Set off, float32 (w^2,), to the squares by which colours that are looked up differ, in grey levels.
-
-    own : float32 (3,), the colour that shows where alpha is 0
-    """
-    texels = len(low)
-    whole = np.float32(1.0 / 255.0)
-    for x in range(texels):
-        left, part = low[x], share[x]
-        for y in range(texels):
-            i = x * texels + y
-            alpha = lines[5, left, y]
-            clear = (values[5, i] - (alpha + part * (lines[5, left + 1, y] - alpha))) * whole
-            worst = np.float32(0.0)
-            for k in range(3):
-                near = lines[2 + k, left, y]
-                near = near + part * (lines[2 + k, left + 1, y] - near)
-                d = values[2 + k, i] - near - clear * own[k]
-                worst = max(worst, d * d)
-            off[i] = worst
-
-
-@nb.njit(cache=True, nogil=True)
-def _sum_off(off, firsts):  # type: ignore[no-untyped-def]
-    """Return the sum over the texels of the disc, row by row, the largest, and how many they are."""
-    texels = len(firsts)
-    total, most, count = np.float32(0.0), np.float32(0.0), 0
-    for y in range(texels):
-        count += texels - 2 * firsts[y]
-        for x in range(firsts[y], texels - firsts[y]):
-            total += off[x * texels + y]
-            most = max(most, off[x * texels + y])
-    return total, most, count
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _error(values, units, low, share, firsts, side, fitted, own, lines, off):  # type: ignore[no-untyped-def]
-    """Return by how much a coarser tile, looked up as the shader does, differs from a tile.
-
-    side : of the coarser tile; 1: one value everywhere
-    own : float32 (3,), the colour that shows where alpha is 0
-    lines, off : float32 (C, side or more, w) and (w^2,) to work in
-
-    Returns the root of the mean square in radians, that of colours counted as `LEVEL` each, and whether it is off
-    nowhere by more than `WORST` and `WORST_COLOR`.
-    """
-    _look_up(fitted, side, low, share, lines)
-    _normals_off(lines, low, share, units, off)
-    total, most, count = _sum_off(off, firsts)
-    total_color, most_color = np.float32(0.0), np.float32(0.0)
-    if len(values) > 2:
-        _colors_off(lines, low, share, values, own, off)
-        total_color, most_color, _ = _sum_off(off, firsts)
-    fair = most <= WORST * WORST and most_color <= WORST_COLOR * WORST_COLOR
-    return math.sqrt(total / count) + LEVEL * math.sqrt(total_color / count), fair
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _store_tile(fitted, side, spread, out):  # type: ignore[no-untyped-def]
     """Store the bytes of a tile that `_round` has rounded, from the front of the arrays on, and its spread."""
     out_normals, out_colors, out_spread = out
@@ -386,7 +212,9 @@ def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyp
     best, cheapest = most, texels + worth * ROUNDING * max(spread[2], spread[3]) / 255.0
     # Alpha 0 and a byte of 0: the node's own colour and normal.
     fitted[:, 0] = 0.0
-    error, fair = _error(values, units, lows[0, 0, :most], shares[0, 0, :most], firsts, 1, fitted, own, lines, off)
+    error, fair = error_of_fit(
+        values, units, lows[0, 0, :most], shares[0, 0, :most], firsts, 1, fitted, own, lines, off
+    )
     if fair and worth * error <= cheapest:
         best, cheapest = 0, worth * error
     for coarser in range(size):
@@ -397,7 +225,7 @@ def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyp
         low, share = lows[size, coarser, :most], shares[size, coarser, :most]
         _fit(values, low, share, firsts, inverses[begin : begin + side**4], side, lines, off, fitted)
         _round(fitted, side * side, spread)
-        error, fair = _error(values, units, low, share, firsts, side, fitted, own, lines, off)
+        error, fair = error_of_fit(values, units, low, share, firsts, side, fitted, own, lines, off)
         if fair and side * side + worth * error <= cheapest:
             best, cheapest = side, side * side + worth * error
             _store_tile(fitted, side, spread, out)
@@ -422,44 +250,3 @@ def fit_tiles(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, 
             desk = _desk(most[i], channels)
         out = (normals[i], colors[i] if len(colors) > 0 else normals[0, :0], rest[0][i])
         rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, desk, out)
-
-
-@nb.njit(cache=True, nogil=True, inline="always")
-def side_seen(sides, texels, across):  # type: ignore[no-untyped-def]
-    """Return how many texels a side a picture shows of a tile.
-
-    sides : texels that tiles may have, ascending; of those below `texels` the first that is enough is taken
-    texels : it has at most
-    across : pixels that it is wide
-    """
-    for side in sides:
-        if side >= texels:
-            break
-        if (side - 1) * TEXEL_PIXELS >= across:
-            return side
-    return texels
-
-
-@nb.njit(cache=True, nogil=True)
-def _texels_seen(splats, wanted, eye, axis, focal, parallel, sides, texels, most):  # type: ignore[no-untyped-def]
-    for i in range(len(wanted)):
-        splat = splats[wanted[i]]
-        x, y, z = splat["centre"][0] - eye[0], splat["centre"][1] - eye[1], splat["centre"][2] - eye[2]
-        depth = x * axis[0] + y * axis[1] + z * axis[2]
-        across = 2.0 * focal * splat["radius"]
-        if not parallel:
-            across = across / depth if depth > 0.0 else np.inf
-        most[i] = side_seen(sides, texels, across)
-
-
-def texels_seen(hierarchy: Hierarchy, view: View, nodes: UInt32Array, texels: int) -> Int32Array:
-    """Return how many texels along one side of their tiles a view can show of nodes, int32 (K,).
-
-    nodes : uint32 (K,)
-    texels : along one side at most
-    """
-    most = np.empty(len(nodes), np.int32)
-    sides = np.array(COARSER, np.int32)
-    axis = -view.eye_from_model[2, :3]
-    _texels_seen(hierarchy.splats, nodes, view.eye, axis, view.focal_pixels, view.is_parallel, sides, texels, most)
-    return most

@@ -222,19 +222,3 @@ def clip_planes(eye_from_model: Float64Array, bounds: tuple[npt.ArrayLike, float
     near = max(depth - 1.05 * radius, NEAR_OVER_FAR * far)
     # From so far away that the model's size is lost in the rounding of its distance, a slab around it must do.
     return min(near, (1.0 - 1e-6) * far), far
-
-
-def screen_box(view: View, half_extents: Float64Array) -> tuple[int, int, int, int]:
-    """Return left, top, right and bottom of the pixels that a box around the model space's origin can cover.
-
-    half_extents : float64 (3,). A box that reaches the near plane covers the whole picture.
-    """
-    corners = half_extents * (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0)
-    eye = corners @ view.eye_from_model[:3, :3].T + view.eye_from_model[:3, 3]
-    if (-eye[:, 2] <= view.near).any():
-        return 0, 0, view.width, view.height
-    size = np.array([view.width, view.height])
-    pixels = 0.5 * size + eye[:, :2] * np.array([1.0, -1.0]) * view.pixels_of_unit(-eye[:, 2:])
-    low = np.clip(np.floor(pixels.min(axis=0)), 0, size).astype(int)
-    high = np.clip(np.ceil(pixels.max(axis=0)), 0, size).astype(int)
-    return int(low[0]), int(low[1]), int(high[0]), int(high[1])

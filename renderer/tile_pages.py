@@ -13,8 +13,8 @@ import numpy as np
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.model import Int32Array, UInt8Array, UInt32Array
 from hierarchy.normal_tiles import FittedTiles
-from hierarchy.tile_fits import sides_of, texels_seen
 from hierarchy.tile_kernels import LAYER_SIZE
+from hierarchy.tile_sizes import sides_of, texels_seen
 from hierarchy.view import View
 from renderer.allocation import GpuError, Held, allocating
 from renderer.limits import Limits

@@ -13,8 +13,8 @@ from hierarchy.build import build_hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import FittedTiles, TileBaker, bake_tiles
-from hierarchy.tile_fits import texels_seen
 from hierarchy.tile_kernels import LAYER_SIZE
+from hierarchy.tile_sizes import texels_seen
 from hierarchy.view import look_at
 from renderer import tile_pages
 from renderer.renderer import Renderer

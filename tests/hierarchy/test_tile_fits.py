@@ -11,7 +11,9 @@ from hierarchy.encoding import decode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import TileBaker, bake_tiles
-from hierarchy.tile_fits import LEVEL, PRICE, TEXEL_PIXELS, WORST, sides_of, texels_seen
+from hierarchy.tile_errors import LEVEL, WORST
+from hierarchy.tile_fits import PRICE
+from hierarchy.tile_sizes import TEXEL_PIXELS, sides_of, texels_seen
 from hierarchy.view import look_at
 
 # What rounding the tile that it is compared with adds: at most half a byte in both components, 0.57 degrees.

@@ -25,9 +25,10 @@ def scan_targets(renderer: Renderer) -> list[str]:
         raise RuntimeError("draw comes before scan_targets")
     cut, view, settings, framebuffer = renderer._last
     wrong: list[str] = []
-    with _float_picture(renderer) as picture:
-        renderer.draw(cut, view, settings, framebuffer)
+    with _float_picture(renderer) as (picture, shown):
+        renderer.draw(cut, view, settings, shown)
         shaded = texels(picture)
+    renderer._last = cut, view, settings, framebuffer
     wrong += _check("picture", np.isfinite(shaded) & (shaded > -1.0) & (shaded < 2.0))
     depth = texels(renderer._targets.visible_depth)
     wrong += _check("visible depth", (depth >= 0.0) & (depth <= 1.0))
@@ -63,18 +64,20 @@ def _check(what: str, good: np.ndarray) -> list[str]:
 
 
 @contextmanager
-def _float_picture(renderer: Renderer) -> Iterator[moderngl.Texture]:
-    """Have the renderer shade into float32 texels meanwhile."""
+def _float_picture(renderer: Renderer) -> Iterator[tuple[moderngl.Texture, moderngl.Framebuffer]]:
+    """Have the renderer shade into float32 texels meanwhile, and copy those to a framebuffer of floats."""
     targets = renderer._targets
     assert targets is not None
-    texture = renderer._ctx.texture(targets.size, 4, dtype="f4")
-    usual = targets.picture
-    targets.picture = renderer._ctx.framebuffer([texture], targets.visible_depth)
+    textures = [renderer._ctx.texture(targets.size, 4, dtype="f4") for _ in range(3)]
+    made = [renderer._ctx.framebuffer([textures[0]], targets.visible_depth)]
+    made += [renderer._ctx.framebuffer([texture]) for texture in textures]
+    usual = targets.picture, targets.picture_only, targets.gradient, targets.gradient_colors
+    targets.picture, targets.picture_only, targets.gradient, targets.gradient_colors = *made[:3], None
     try:
-        yield texture
+        yield textures[0], made[3]
     finally:
-        targets.picture.release()
-        targets.picture = usual
+        targets.picture, targets.picture_only, targets.gradient, targets.gradient_colors = usual
         # moderngl rebinds the framebuffer that it used last; it must not be one that is gone.
-        usual.use()
-        texture.release()
+        targets.picture.use()
+        for each in (*made, *textures):
+            each.release()
