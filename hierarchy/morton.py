@@ -10,14 +10,15 @@ import numba as nb
 import numpy as np
 import numpy.typing as npt
 
-from hierarchy.model import Float32Array, UInt16Array
+from hierarchy.model import Float32Array, Int32Array, UInt16Array
+from hierarchy.radix_sort import sort_codes
 
 BITS = 21
 CELLS = 1 << BITS
 # A step in Morton order between two points at the same place. Others number the bits of all codes, from the first
 # one's highest down: 63 a code, and float32 has room for 14 codes between its largest and its smallest number.
 SAME_PLACE = 0xFFFF
-# Runs of equal codes longer than this are worth numpy's sort, which is faster than numba's and starts slower.
+# Runs of equal codes longer than this are worth sorting on all cores, which is faster and starts slower.
 LONG_RUN = 1 << 15
 
 
@@ -51,6 +52,18 @@ def _codes(points, low, scale):  # type: ignore[no-untyped-def]
     return codes
 
 
+@nb.njit(cache=True, nogil=True, parallel=True)
+def _bounds(points):  # type: ignore[no-untyped-def]
+    """Return the least and the largest coordinates of points (N, 3), N >= 1, six floats."""
+    x0, y0, z0 = points[0]
+    x1, y1, z1 = points[0]
+    for i in nb.prange(len(points)):
+        x0, x1 = min(x0, points[i, 0]), max(x1, points[i, 0])
+        y0, y1 = min(y0, points[i, 1]), max(y1, points[i, 1])
+        z0, z1 = min(z0, points[i, 2]), max(z1, points[i, 2])
+    return x0, y0, z0, x1, y1, z1
+
+
 def morton_codes(points: Float32Array) -> npt.NDArray[np.uint64]:
     """Return the Morton code of every point in the cube around them all, uint64 (N,); x is the highest axis.
 
@@ -58,38 +71,34 @@ def morton_codes(points: Float32Array) -> npt.NDArray[np.uint64]:
     """
     if len(points) == 0:
         return np.empty(0, np.uint64)
-    low = points.min(axis=0).astype(np.float64)
-    extent = float((points.max(axis=0) - low).max())
+    bounds = np.array(_bounds(points), np.float64)
+    low = bounds[:3]
+    extent = float((bounds[3:] - low).max())
     # The largest coordinate falls on CELLS and is clamped into the last cell.
     scale = CELLS / extent if extent > 0.0 else 0.0
     return _codes(points, low, scale)  # type: ignore[no-any-return]
 
 
-def morton_order(points: Float32Array) -> tuple[npt.NDArray[np.int64], UInt16Array]:
+def morton_order(points: Float32Array) -> tuple[Int32Array, UInt16Array]:
     """Sort points by place: nothing but points at one place shares a cell, however close the others lie.
 
     points : float32 (N, 3), finite
-    Returns the order, int64 (N,): points at one place stay in the order in which they come; and the step to each point
+    Returns the order, int32 (N,): points at one place stay in the order in which they come; and the step to each point
     from the one before it in that order, uint16 (N,): the number of the highest bit in which their codes differ,
     SAME_PLACE where they do not. The points between two steps below s are those of one cell of the level s. The first
     step is 0 and means nothing.
     """
-    codes = morton_codes(points)
-    order = np.argsort(codes)
+    order, sorted_codes = sort_codes(morton_codes(points))
     steps = np.zeros(len(points), np.uint16)
     long_runs = [(0, len(points), 0)] if len(points) else []
-    sorted_codes = codes[order]
-    del codes
     while long_runs:
         begin, end, level = long_runs.pop()
         if level > 0:
             run = np.sort(order[begin:end])
-            codes_below = morton_codes(points[run])
-            by_code = np.argsort(codes_below)
-            order[begin:end], sorted_codes = run[by_code], codes_below[by_code]
+            by_code, sorted_codes = sort_codes(morton_codes(points[run]))
+            order[begin:end] = run[by_code]
             if sorted_codes[0] == sorted_codes[-1]:
                 # One place: two different ones would lie in the first and in the last cell.
-                order[begin:end] = run
                 continue
         _write_steps(sorted_codes, level * 3 * BITS, steps[begin:end])
         for first, last in _refine_runs(points, order[begin:end], steps[begin:end], level + 1):

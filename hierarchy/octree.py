@@ -50,49 +50,82 @@ def most_levels(leaves: int) -> int:
     return int(SPARE_LEVELS + LEVELS_PER_HALVING * math.log2(max(leaves, 1))) + 2
 
 
+# No place between two leaves: all are at one place, or where they are divided has yet to be found.
+ONE_PLACE, UNKNOWN = -1, -2
+
+
 @nb.njit(cache=True, nogil=True)
-def _largest_step(steps, low, high):  # type: ignore[no-untyped-def]
-    """Return where in (low, high) the leaves take the step of the highest bit; low where all are at one place."""
-    highest = np.uint16(SAME_PLACE)
+def _divisions(steps):  # type: ignore[no-untyped-def]
+    """Return where cells are divided: for every step where the cells before and behind it are, int32 (N,) each.
+
+    A cell is divided where its leaves take the step of the highest bit: that is the root of the Cartesian tree of its
+    steps (Vuillemin 1980), which a stack builds in one go. The first step is none: behind it is where the whole is.
+    """
+    before = np.full(len(steps), ONE_PLACE, np.int32)
+    behind = np.full(len(steps), ONE_PLACE, np.int32)
+    # The steps on the way to the last one, each from that behind the one under it.
+    stack = np.empty(len(steps), np.int32)
+    stack[0], top = 0, 1
+    for i in range(1, len(steps)):
+        if steps[i] == SAME_PLACE:
+            continue
+        last = ONE_PLACE
+        while top > 1 and steps[stack[top - 1]] > steps[i]:
+            top -= 1
+            last = stack[top]
+        before[i] = last
+        behind[stack[top - 1]] = i
+        stack[top] = i
+        top += 1
+    return before, behind
+
+
+@nb.njit(cache=True, nogil=True)
+def _division(steps, low, high):  # type: ignore[no-untyped-def]
+    """Return where in (low, high) the leaves take the step of the highest bit, or ONE_PLACE."""
+    highest, place = np.uint16(SAME_PLACE), ONE_PLACE
     for i in range(low + 1, high):
-        highest = min(highest, steps[i])
-    if highest == SAME_PLACE:
-        return low
-    place = low + 1
-    while steps[place] != highest:
-        place += 1
+        if steps[i] < highest:
+            highest, place = steps[i], i
     return place
 
 
 @nb.njit(cache=True, nogil=True)
 def _build(steps, min_leaves):  # type: ignore[no-untyped-def]
     count = len(steps)
+    before, behind = _divisions(steps)
     # A chain of nodes can shed fewer than min_leaves leaves at every step: at worst one.
     capacity = count + 1
     first_child = np.empty(capacity, np.int32)
     child_count = np.empty(capacity, np.int32)
     begin = np.empty(capacity, np.int32)
     end = np.empty(capacity, np.int32)
-    begin[0], end[0] = 0, count
+    divided_at = np.empty(capacity, np.int32)
+    begin[0], end[0], divided_at[0] = 0, count, behind[0]
     nodes = 1
     node = 0
     level, level_end = 0, 1
     while node < nodes:
         if node == level_end:
             level, level_end = level + 1, nodes
-        low, high = begin[node], end[node]
+        low, high, middle = begin[node], end[node], divided_at[node]
         first_child[node] = nodes
-        middle = low
-        if level <= SPARE_LEVELS + LEVELS_PER_HALVING * math.log2(count / (high - low)):
-            middle = _largest_step(steps, low, high)
-        if middle == low and high - low >= 2 * min_leaves:
+        left = right = ONE_PLACE
+        if level > SPARE_LEVELS + LEVELS_PER_HALVING * math.log2(count / (high - low)):
+            middle, left, right = ONE_PLACE, UNKNOWN, UNKNOWN
+        elif middle == UNKNOWN:
+            middle = _division(steps, low, high)
+            left = right = ONE_PLACE if middle == ONE_PLACE else UNKNOWN
+        elif middle != ONE_PLACE:
+            left, right = before[middle], behind[middle]
+        if middle == ONE_PLACE:
             # No geometry left to split by, or too deep for it: split by number.
-            middle = (low + high) >> 1
+            middle = (low + high) >> 1 if high - low >= 2 * min_leaves else low
         if middle - low >= min_leaves:
-            begin[nodes], end[nodes] = low, middle
+            begin[nodes], end[nodes], divided_at[nodes] = low, middle, left
             nodes += 1
         if high - middle >= min_leaves and middle > low:
-            begin[nodes], end[nodes] = middle, high
+            begin[nodes], end[nodes], divided_at[nodes] = middle, high, right
             nodes += 1
         child_count[node] = nodes - first_child[node]
         node += 1
