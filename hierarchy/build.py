@@ -66,7 +66,7 @@ def build_hierarchy(
         origin=model.origin,
         nodes=nodes,
         splats=_splats(centres, normals, sizes, boxes, leaves),
-        spreads=normal_spreads(nodes, leaves, shapes),
+        spreads=normal_spreads(octree, leaves, shapes),
         colors=splat_colors(octree, shapes, leaves),
         leaves=leaves,
         closed=closed,

@@ -27,6 +27,6 @@ def splat_colors(octree: Octree, shapes: LeafShapes, leaves: Leaves) -> UInt8Arr
     weighted = np.empty((len(weights), 5))
     np.multiply(leaf_colors, weights[:, None], out=weighted[:, :4])
     weighted[:, 4] = weights
-    sums, _ = node_sums(weighted, octree.leaf_begin, octree.leaf_end, octree.first_child, octree.child_count)
+    sums = node_sums(weighted, octree)
     inner = np.clip(np.rint(sums[:, :4] / sums[:, 4:]), 0, 255).astype(np.uint8)
     return inner if isinstance(leaves, Triangles) else np.concatenate([inner, leaves.colors])

@@ -8,13 +8,14 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from hierarchy.model import Float64Array, Int32Array
+from hierarchy.model import Float64Array
+from hierarchy.octree import Octree
 
 
 @nb.njit(cache=True, nogil=True)
 def _node_sums(values, begin, end, first_child, child_count):  # type: ignore[no-untyped-def]
     columns = values.shape[1]
-    below, hanging = np.zeros((len(begin), columns)), np.zeros((len(begin), columns))
+    below = np.zeros((len(begin), columns))
     for node in range(len(begin) - 1, -1, -1):
         first, last = first_child[node], first_child[node] + child_count[node]
         leaf = begin[node]
@@ -22,22 +23,17 @@ def _node_sums(values, begin, end, first_child, child_count):  # type: ignore[no
             # The leaves between two children hang on this node itself.
             for hangs in range(leaf, begin[child] if child < last else end[node]):
                 for k in range(columns):
-                    hanging[node, k] += values[hangs, k]
+                    below[node, k] += values[hangs, k]
             if child < last:
                 leaf = end[child]
                 for k in range(columns):
                     below[node, k] += below[child, k]
-        for k in range(columns):
-            below[node, k] += hanging[node, k]
-    return below, hanging
+    return below
 
 
-def node_sums(
-    values: Float64Array, leaf_begin: Int32Array, leaf_end: Int32Array, first_child: Int32Array, child_count: Int32Array
-) -> tuple[Float64Array, Float64Array]:
-    """Add up values (N, C) of leaves: over all leaves below each node, (M, C), and over those that hang on it, (M, C).
+def node_sums(values: Float64Array, octree: Octree) -> Float64Array:
+    """Add up values (N, C) of leaves over all leaves below each node, (M, C).
 
-    leaf_begin, leaf_end, first_child, child_count : int32 (M,), the nodes' topology, parents before children
     Relative to the sum of the absolute values below a node its sum is wrong by 2^-53 times their number at most.
     """
-    return _node_sums(values, leaf_begin, leaf_end, first_child, child_count)  # type: ignore[no-any-return]
+    return _node_sums(values, octree.leaf_begin, octree.leaf_end, octree.first_child, octree.child_count)  # type: ignore[no-any-return]

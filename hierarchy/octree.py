@@ -142,3 +142,17 @@ def build_octree(steps: UInt16Array, min_leaves: int = MIN_LEAVES) -> Octree:
     if len(steps) == 0:
         raise ValueError("an octree needs at least one leaf")
     return Octree(*_build(steps, max(2, min_leaves)))
+
+
+@nb.njit(cache=True, nogil=True)
+def generations(first_child, child_count):  # type: ignore[no-untyped-def]
+    """Divide nodes, parents before children, into runs in which no node is another's child: what threads may share.
+
+    Returns the ends of the runs, the last one's first, and 0, int32: in that order children come before parents.
+    """
+    ends = [np.int32(len(first_child))]
+    for node in range(len(first_child) - 1, -1, -1):
+        if child_count[node] > 0 and first_child[node] < ends[-1]:
+            ends.append(np.int32(node + 1))
+    ends.append(np.int32(0))
+    return np.array(ends)

@@ -15,7 +15,7 @@ import numpy as np
 
 from hierarchy.leaves import LeafShapes, Leaves, Triangles
 from hierarchy.model import UInt16Array
-from hierarchy.node_sums import node_sums
+from hierarchy.octree import Octree, generations
 
 # Patches of 1, 1/2, 1/4 ... 1/32 of a node's radius: the spacings of the texels of 2 to 32 a side are among them.
 SCALES = 6
@@ -24,72 +24,104 @@ LEVELS_PER_SCALE = 2
 UNIT = 1.5 / 65535.0
 
 
-@nb.njit(cache=True, nogil=True, parallel=True)
-def _triangle_sums(normals, indices, areas, sums):  # type: ignore[no-untyped-def]
-    """Write area * mean normal, area, and area * mean square angle to it, of every triangle to sums, float64 (N, 5).
+@nb.njit(cache=True, nogil=True, inline="always")
+def _add_leaf(normals, indices, areas, leaf, sums):  # type: ignore[no-untyped-def]
+    """Add to sums, float64 (5,), a leaf's area * mean normal, its area, and area * mean square angle to that normal.
 
     Over a triangle with linearly varying values the mean square deviation is a twelfth of the sum of the corners'.
     """
-    for leaf in nb.prange(len(indices)):
-        a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
-        area, square = np.float64(areas[leaf]), 0.0
-        for k in range(3):
+    area, square = areas[leaf], 0.0
+    for k in range(3):
+        if len(indices) > 0:
+            a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
             na, nb_, nc = np.float64(normals[a, k]), np.float64(normals[b, k]), np.float64(normals[c, k])
             mean = (na + nb_ + nc) / 3.0
-            sums[leaf, k] = area * mean
             square += (na - mean) ** 2 + (nb_ - mean) ** 2 + (nc - mean) ** 2
-        sums[leaf, 3], sums[leaf, 4] = area, area * square / 12.0
+        else:
+            mean = np.float64(normals[leaf, k])
+        sums[k] += area * mean
+    sums[3] += area
+    sums[4] += area * square / 12.0
+
+
+@nb.njit(cache=True, nogil=True)
+def _add_below(normals, indices, areas, octree, node, sums):  # type: ignore[no-untyped-def]
+    """Write to a row of sums what `_add_leaf` adds over all leaves below a node, to the last column but of its own."""
+    first_child, child_count, begin, end = octree
+    mine = sums[node]
+    mine[:] = 0.0
+    first, last = first_child[node], first_child[node] + child_count[node]
+    leaf = begin[node]
+    for child in range(first, last + 1):
+        # The leaves between two children hang on this node itself.
+        for hangs in range(leaf, begin[child] if child < last else end[node]):
+            _add_leaf(normals, indices, areas, hangs, mine)
+        if child < last:
+            leaf = end[child]
+    for child in range(first, last):
+        for k in range(4):
+            mine[k] += sums[child, k]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _own_spreads(below):  # type: ignore[no-untyped-def]
-    """Return the mean square angle of each node's normals to their mean."""
-    squares = np.empty(len(below))
-    for node in nb.prange(len(below)):
-        x, y, z, area = below[node, 0], below[node, 1], below[node, 2], below[node, 3]
+def _own_spreads(normals, indices, areas, octree):  # type: ignore[no-untyped-def]
+    """Return every node's area, that times its normals' mean square angle to their mean, and `_add_leaf`'s last sum.
+
+    octree : first_child, child_count, leaf_begin and leaf_end
+    Returns float64 (M,) three times, the last over the leaves that hang on the node.
+    """
+    nodes = len(octree[0])
+    sums = np.empty((nodes, 5))
+    ends = generations(octree[0], octree[1])
+    for k in range(len(ends) - 1):
+        for node in nb.prange(ends[k + 1], ends[k]):
+            _add_below(normals, indices, areas, octree, node, sums)
+    squares = np.empty(nodes)
+    for node in nb.prange(nodes):
+        x, y, z, area = sums[node, 0], sums[node, 1], sums[node, 2], sums[node, 3]
         # A mean of unit vectors at small angles s to it has a length of 1 - s^2 / 2.
         mean = math.sqrt(x * x + y * y + z * z) / area if area > 0.0 else 1.0
-        squares[node] = max(2.0 * (1.0 - mean), 0.0)
-    return squares
+        squares[node] = area * max(2.0 * (1.0 - mean), 0.0)
+    return sums[:, 3].copy(), squares, sums[:, 4].copy()
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _one_level_below(first_child, child_count, areas, squares, hanging, share):  # type: ignore[no-untyped-def]
-    """Return each node's mean by area over its children, and over the leaves that hang on it.
+def _one_level_below(first_child, child_count, squares, hanging, share):  # type: ignore[no-untyped-def]
+    """Return each node's sum over its children, and over the leaves that hang on it.
 
     share : of the mean square angle of a whole leaf that is left at this level
     """
-    means = np.empty(len(areas))
-    for node in nb.prange(len(areas)):
+    sums = np.empty(len(squares))
+    for node in nb.prange(len(squares)):
         total = share * hanging[node]
         for child in range(first_child[node], first_child[node] + child_count[node]):
-            total += areas[child] * squares[child]
-        means[node] = total / areas[node] if areas[node] > 0.0 else 0.0
-    return means
+            total += squares[child]
+        sums[node] = total
+    return sums
 
 
-def normal_spreads(nodes: np.ndarray, leaves: Leaves, shapes: LeafShapes) -> UInt16Array:
+@nb.njit(cache=True, nogil=True, parallel=True)
+def _store(areas, squares, out):  # type: ignore[no-untyped-def]
+    for node in nb.prange(len(areas)):
+        out[node] = np.rint(math.sqrt(squares[node] / areas[node]) / UNIT) if areas[node] > 0.0 else 0.0
+
+
+def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes) -> UInt16Array:
     """Measure the spread of the normals below every node.
 
-    nodes : NODE (M,), of which only the topology is read
     Returns uint16 (M, SCALES), in units of UNIT radians: root mean square, by area, of the angle between the surface's
     normals and the mean normal of the patch that they lie in, for patches of 2^-k of the node's radius.
     """
-    sums = np.zeros((len(shapes.areas), 5))
-    if isinstance(leaves, Triangles):
-        _triangle_sums(leaves.normals, leaves.indices, shapes.areas, sums)
-    else:
-        np.multiply(shapes.normals, shapes.areas[:, None], out=sums[:, :3])
-        sums[:, 3] = shapes.areas
-    first_child, child_count = nodes["first_child"], nodes["child_count"]
-    below, hanging = node_sums(sums, nodes["leaf_begin"], nodes["leaf_end"], first_child, child_count)
-    areas, squares, of_hanging = below[:, 3].copy(), _own_spreads(below), hanging[:, 4].copy()
-    spreads = np.empty((len(nodes), SCALES), np.uint16)
+    first_child, child_count = octree.first_child, octree.child_count
+    topology = first_child, child_count, octree.leaf_begin, octree.leaf_end
+    normals = leaves.normals if isinstance(leaves, Triangles) else shapes.normals
+    areas, squares, of_hanging = _own_spreads(normals, shapes.indices, shapes.areas, topology)
+    spreads = np.empty((len(first_child), SCALES), np.uint16)
     # Half the size has half the angle, so every level halves its square.
     share = 1.0
     for scale in range(SCALES):
-        spreads[:, scale] = np.rint(np.sqrt(squares) / UNIT)
+        _store(areas, squares, spreads[:, scale])
         for _ in range(LEVELS_PER_SCALE if scale + 1 < SCALES else 0):
-            squares = _one_level_below(first_child, child_count, areas, squares, of_hanging, share)
+            squares = _one_level_below(first_child, child_count, squares, of_hanging, share)
             share *= 0.5
     return spreads
