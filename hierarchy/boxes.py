@@ -13,6 +13,8 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
+
 TURNS = 8
 _COSINES = np.cos(0.5 * math.pi * np.arange(TURNS) / TURNS)
 _SINES = np.sin(0.5 * math.pi * np.arange(TURNS) / TURNS)
@@ -24,37 +26,43 @@ ROUNDING = 1e-6
 WHOLE_DISC = (-1.0, 1.0, -1.0, 1.0)
 
 
-@nb.njit(cache=True, nogil=True, fastmath={"nnan", "nsz", "reassoc", "contract"})
-def _ends(points, x, y, c, s):  # type: ignore[no-untyped-def]
-    """Return the ends of float64 points (2, N), relative to (x, y), along the axes (c, s) and (-s, c)."""
-    left = right = c * (points[0, 0] - x) + s * (points[1, 0] - y)
-    low = high = c * (points[1, 0] - y) - s * (points[0, 0] - x)
-    for i in range(points.shape[1]):
-        dx, dy = points[0, i] - x, points[1, i] - y
-        u, v = c * dx + s * dy, c * dy - s * dx
-        left, right = min(left, u), max(right, u)
-        low, high = min(low, v), max(high, v)
-    return left, right, low, high
+@nb.njit(**BORROWING, fastmath={"nnan", "nsz", "contract"})
+def _widen(ends, du, dv):  # type: ignore[no-untyped-def]
+    """Widen what lies between the ends along every turn's axes to hold a point."""
+    # One statement an end, all turns at once.
+    for turn in range(TURNS):
+        across, up = _COSINES[turn] * du + _SINES[turn] * dv, _COSINES[turn] * dv - _SINES[turn] * du
+        ends[0, turn] = min(ends[0, turn], across)
+        ends[1, turn] = max(ends[1, turn], across)
+        ends[2, turn] = min(ends[2, turn], up)
+        ends[3, turn] = max(ends[3, turn], up)
 
 
-@nb.njit(cache=True, nogil=True)
-def tight_box(points, x, y, radius, box):  # type: ignore[no-untyped-def]
-    """Write the smallest rectangle around float64 points (2, N) to box, float32 (4,), rounded outwards.
+@nb.njit(**BORROWING)
+def tight_box(u, v, count, x, y, radius, box, ends):  # type: ignore[no-untyped-def]
+    """Write the smallest rectangle around the first `count` >= 1 points to box, float32 (4,), rounded outwards.
 
+    u, v : float64, coordinates of the points
     x, y, radius : of a circle that holds the points
     box : low and high ends along the turned u axis, low and high ends along the turned v axis, relative to the circle's
         centre and in units of its radius. TURN_STEP times the number of turns of 90 / TURNS degrees from the disc's
         tangents to the turned axes is added to the last.
+    ends : float64 (4, TURNS), to work in
     """
     if radius <= 0.0:
         box[0], box[1], box[2], box[3] = WHOLE_DISC
         return
-    smallest = np.inf
     for turn in range(TURNS):
-        c, s = _COSINES[turn] / radius, _SINES[turn] / radius
-        left, right, low, high = _ends(points, x, y, c, s)
-        area = (right - left) * (high - low)
+        ends[0, turn] = ends[2, turn] = np.inf
+        ends[1, turn] = ends[3, turn] = -np.inf
+    for i in range(count):
+        _widen(ends, u[i] - x, v[i] - y)
+    smallest, best = np.inf, 0
+    for turn in range(TURNS):
+        area = (ends[1, turn] - ends[0, turn]) * (ends[3, turn] - ends[2, turn])
         if area < smallest:
-            smallest = area
-            box[0], box[1] = max(left - ROUNDING, -1.0), min(right + ROUNDING, 1.0)
-            box[2], box[3] = max(low - ROUNDING, -1.0), min(high + ROUNDING, 1.0) + TURN_STEP * turn
+            smallest, best = area, turn
+    left, right = ends[0, best] / radius, ends[1, best] / radius
+    low, high = ends[2, best] / radius, ends[3, best] / radius
+    box[0], box[1] = max(left - ROUNDING, -1.0), min(right + ROUNDING, 1.0)
+    box[2], box[3] = max(low - ROUNDING, -1.0), min(high + ROUNDING, 1.0) + TURN_STEP * best

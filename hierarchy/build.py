@@ -50,7 +50,7 @@ def build_hierarchy(
     axes, cosines = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
     _set_cone(nodes, "axis", "cone", axes, cosines)
     progress("Fitting discs", 0.4)
-    centres, normals, sizes, boxes = node_discs(shapes, octree.leaf_begin, octree.leaf_end, axes)
+    centres, normals, sizes, boxes = node_discs(shapes, octree, axes)
     for axis, name in enumerate("xyz"):
         nodes[name] = centres[:, axis]
     nodes["radius"], nodes["sphere"] = sizes[:, 0], sizes[:, 2]

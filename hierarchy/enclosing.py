@@ -18,6 +18,8 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
+
 # Relative slack for "is inside", of squared distances: ten times the rounding of doubles.
 INSIDE = 2e-15
 # Ten times what is typical; a guard against cycling on rounding.
@@ -29,7 +31,7 @@ MAX_STALLS = 8
 RIGHT_ANGLE = 2.0
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(**BORROWING)
 def _reach(points, count, x, y):  # type: ignore[no-untyped-def]
     """Return the largest squared distance of the first `count` points from (x, y)."""
     largest = 0.0
@@ -39,7 +41,7 @@ def _reach(points, count, x, y):  # type: ignore[no-untyped-def]
     return largest
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def circle_with_pivot(support, count, circle):  # type: ignore[no-untyped-def]
     """Find the smallest circle around `count` support points, the last of which lies on it.
 
@@ -81,7 +83,7 @@ def circle_with_pivot(support, count, circle):  # type: ignore[no-untyped-def]
     return 2 if second < 0 else 3
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(**BORROWING)
 def _reach_on_sphere(vectors, count, x, y, z):  # type: ignore[no-untyped-def]
     """Return the largest squared distance of the first `count` unit vectors from an axis, 2 minus twice the cosine."""
     largest = 0.0
@@ -108,7 +110,7 @@ def _between(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
     return x / norm, y / norm, z / norm
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def cap_with_pivot(support, count, cap):  # type: ignore[no-untyped-def]
     """Find the smallest cap around `count` unit vectors, the last of which lies on its rim.
 

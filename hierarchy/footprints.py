@@ -21,12 +21,13 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.cones import EVERYTHING, widened_cosine
 from hierarchy.joined_cones import angle_between, cap_holds, join_cone, join_farthest_first
 from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
 from hierarchy.near_nodes import LONGEST, boxes_of_discs, hand_down, nodes_with_leaves, reaches
-from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, approach_rim, rim_of, within
+from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, approach_rim, within, write_rim
 
 # Nodes and leaves that are not the node's own and are looked at for its footprint before subtrees are taken for what
 # bounds them. Igea's nodes take 85 on average, but discs that are coarse beside their triangles take more: a surface of
@@ -37,6 +38,10 @@ MOST_OWN_VISITS = 1600
 # Subtrees whose spheres are this much smaller than the disc are taken for what bounds them, too: that is 0.4% of the
 # primitives of that surface, and at 0.25 it is half as many again.
 FINE = 0.05
+# Leaves that are looked at one by one, where a subtree has no more, before what bounds them.
+FEW = 16
+# Leaves that are looked at in one go.
+AT_ONCE = 64
 # Subtrees that threads work through; what is above them is done first.
 SUBTREES = 256
 # A path down the tree is at most 74 nodes long (octree.py), and each has at most two children.
@@ -70,7 +75,7 @@ def _highest(inner, normal, thickness, disc):  # type: ignore[no-untyped-def]
     return height + min(np.float64(inner["sphere"]), slab)
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(**BORROWING)
 def _can_approach(inner, rim, gaps, near):  # type: ignore[no-untyped-def]
     """Tell whether anything below a node can be nearer to a point of the rim that is not near enough to a surface."""
     for k in range(len(rim)):
@@ -82,40 +87,92 @@ def _can_approach(inner, rim, gaps, near):  # type: ignore[no-untyped-def]
     return False
 
 
-@nb.njit(cache=True, nogil=True)
-def _take_coarsely(inner, highest, rim, gaps, cap):  # type: ignore[no-untyped-def]
+@nb.njit(**BORROWING)
+def _take_coarsely(inner, highest, rim, gaps, closed, cap):  # type: ignore[no-untyped-def]
     """Add what bounds a subtree to a footprint; return its relief."""
     x, y, z = np.float64(inner["axis_x"]), np.float64(inner["axis_y"]), np.float64(inner["axis_z"])
     join_cone(cap, x, y, z, np.float64(inner["cone_cos"]), np.float64(inner["cone_sin"]))
-    for k in range(len(rim)):
+    for k in range(0 if closed else len(rim)):
         x, y, z = rim[k, 0] - inner["x"], rim[k, 1] - inner["y"], rim[k, 2] - inner["z"]
         # There is surface in the sphere, and none is farther from its centre than its radius.
         gaps[k] = min(gaps[k], math.sqrt(x * x + y * y + z * z) + inner["sphere"])
     return highest
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
+def _look_at_leaves(  # type: ignore[no-untyped-def]
+    begin, end, positions, indices, normals, centres, extents, closed, disc, radius, relief, cap, vectors, collected,
+    which, rim, gaps,
+):  # fmt: skip
+    """Add those of the leaves [begin, end) that are under a disc to its footprint.
+
+    disc : centre and normal; relief, cap : of the footprint so far
+    collected : how many rows of the work's vectors are normals beyond the cap
+    Returns relief and `collected`.
+    """
+    px, py, pz, nx, ny, nz = disc
+    for some in range(begin, end, AT_ONCE):
+        # What is not under the disc, or changes nothing, is passed over without branches: none could be foreseen.
+        near = 0
+        for leaf in range(some, min(some + AT_ONCE, end)):
+            dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
+            reach = radius + extents[leaf]
+            which[near] = leaf
+            near += dx * dx + dy * dy + dz * dz <= reach * reach
+        found = 0
+        for k in range(near):
+            leaf = which[k]
+            dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
+            x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
+            # Not of unit length to the last bit: what is all but on the cap's rim is measured below.
+            beyond = cap[0] * x + cap[1] * y + cap[2] * z < cap[3] + 1e-6
+            higher = abs(dx * nx + dy * ny + dz * nz) > relief
+            which[found] = leaf
+            found += (x * nx + y * ny + z * nz >= FAR_SIDE) & (beyond | higher | (not closed))
+        for k in range(found):
+            leaf = which[k]
+            if not within(positions, indices, centres, extents, leaf, px, py, pz, radius):
+                continue
+            dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
+            relief = max(relief, abs(dx * nx + dy * ny + dz * nz))
+            x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
+            norm = math.sqrt(x * x + y * y + z * z)
+            x, y, z = x / norm, y / norm, z / norm
+            if cap[0] * x + cap[1] * y + cap[2] * z < cap[3]:
+                if collected == len(vectors):
+                    join_farthest_first(cap, vectors)
+                    collected = 0
+                vectors[collected, 0], vectors[collected, 1], vectors[collected, 2] = x, y, z
+                collected += 1
+            if not closed:
+                approach_rim(centres, extents, leaf, rim, gaps)
+    return relief, collected
+
+
+@nb.njit(**BORROWING)
 def _footprint(nodes, node, discs, shapes, closed, entries, count, work, cap):  # type: ignore[no-untyped-def]
     """Write the cone of a disc's footprint to cap, float64 (4,); return its relief.
 
     discs : normals and thicknesses of all discs
     entries, count : what is near the disc
-    work : int32 and float64 arrays to work in
+    work : arrays to work in, as `_room` returns them
     """
-    positions, indices, normals, centres, extents = shapes
     disc_normals, thickness = discs
-    stack, vectors = work
+    positions, indices, normals, centres, extents = shapes
+    stack, vectors, which, rim, gaps = work
     me = nodes[node]
     px, py, pz = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"])
     radius = np.float64(me["radius"])
     nx, ny, nz = np.float64(disc_normals[node, 0]), np.float64(disc_normals[node, 1]), np.float64(disc_normals[node, 2])
     disc = (px, py, pz, nx, ny, nz)
     relief = np.float64(thickness[node])
-    cap[0], cap[1], cap[2], cap[3] = me["axis_x"], me["axis_y"], me["axis_z"], me["cone_cos"]
-    cap[:3] /= math.sqrt(cap[0] * cap[0] + cap[1] * cap[1] + cap[2] * cap[2])
-    rim = rim_of(px, py, pz, radius, nx, ny, nz)
+    x, y, z = np.float64(me["axis_x"]), np.float64(me["axis_y"]), np.float64(me["axis_z"])
+    norm = math.sqrt(x * x + y * y + z * z)
+    cap[0], cap[1], cap[2], cap[3] = x / norm, y / norm, z / norm, me["cone_cos"]
     near = BORDER * radius
-    gaps = np.full(RIM_POINTS, 0.0 if closed else radius)
+    if not closed:
+        write_rim(px, py, pz, radius, nx, ny, nz, rim)
+        gaps[:] = radius
     visits = own_visits = collected = 0
     for k in range(count):
         stack[k] = entries[k]
@@ -128,15 +185,20 @@ def _footprint(nodes, node, discs, shapes, closed, entries, count, work, cap):  
         top -= 1
         entry = stack[top]
         inner = nodes[entry if entry >= 0 else ~entry]
-        own = me["leaf_begin"] <= inner["leaf_begin"] and inner["leaf_end"] <= me["leaf_end"]
+        begin, end = inner["leaf_begin"], inner["leaf_end"]
+        own = me["leaf_begin"] <= begin and end <= me["leaf_end"]
+        first, last = inner["first_child"], inner["first_child"] + inner["child_count"]
         if entry >= 0:
             visits += not own
+            if not own and not reaches(inner, px, py, pz, radius):
+                continue
             approaches = not closed and _can_approach(inner, rim, gaps, near)
             if own and (not approaches or own_visits > MOST_OWN_VISITS):
                 continue
             own_visits += own
-            if not own:
-                if not reaches(inner, px, py, pz, radius) or _faces_away(inner, nx, ny, nz):
+            coarse = visits > MOST_VISITS or (not approaches and inner["sphere"] <= FINE * radius)
+            if not own and (coarse or end - begin > FEW):
+                if _faces_away(inner, nx, ny, nz):
                     continue
                 highest = _highest(inner, disc_normals[entry], thickness[entry], disc)
                 if not approaches and highest <= relief:
@@ -145,50 +207,50 @@ def _footprint(nodes, node, discs, shapes, closed, entries, count, work, cap):  
                     x, y, z = x / norm, y / norm, z / norm
                     if cap_holds(cap, x, y, z, np.float64(inner["cone_cos"]), np.float64(inner["cone_sin"])):
                         continue
-                if visits > MOST_VISITS or (not approaches and inner["sphere"] <= FINE * radius):
-                    relief = max(relief, _take_coarsely(inner, highest, rim, gaps, cap))
+                if coarse:
+                    relief = max(relief, _take_coarsely(inner, highest, rim, gaps, closed, cap))
                     continue
-        last = inner["first_child"] + inner["child_count"]
-        begin = inner["leaf_begin"]
-        for child in range(inner["first_child"], last + 1):
+            elif not own:
+                # So few leaves are looked at sooner than what bounds them.
+                last = first
+        for child in range(first, last + 1):
             end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
-            visits += 0 if own else end - begin
-            own_visits += end - begin if own else 0
-            for leaf in range(begin, end):
-                if not own:
-                    x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
-                    dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
-                    height = abs(dx * nx + dy * ny + dz * nz)
-                    # Not of unit length to the last bit: what is all but on the cap's rim is measured below.
-                    inside = cap[0] * x + cap[1] * y + cap[2] * z >= cap[3] + 1e-6
-                    if closed and inside and height <= relief:
-                        continue
-                    if x * nx + y * ny + z * nz < FAR_SIDE:
-                        continue
-                    if not within(positions, indices, centres, extents, leaf, px, py, pz, radius):
-                        continue
-                    relief = max(relief, height)
-                    norm = math.sqrt(x * x + y * y + z * z)
-                    x, y, z = x / norm, y / norm, z / norm
-                    if not inside and cap[0] * x + cap[1] * y + cap[2] * z < cap[3]:
-                        if collected == len(vectors):
-                            join_farthest_first(cap, vectors)
-                            collected = 0
-                        vectors[collected, 0], vectors[collected, 1], vectors[collected, 2] = x, y, z
-                        collected += 1
-                if not closed:
+            if own:
+                own_visits += end - begin
+                for leaf in range(begin, end):
                     approach_rim(centres, extents, leaf, rim, gaps)
+            else:
+                visits += end - begin
+                relief, collected = _look_at_leaves(
+                    begin, end, positions, indices, normals, centres, extents, closed, disc, radius, relief, cap,
+                    vectors, collected, which, rim, gaps,
+                )  # fmt: skip
             if child < last:
                 begin = nodes[child]["leaf_end"]
                 if entry >= 0:
                     stack[top] = child
                     top += 1
     join_farthest_first(cap, vectors[:collected])
-    overhang = gaps.max()
-    if overhang > near:
-        cap[3] = EVERYTHING
-        relief = max(relief, overhang)
+    if not closed:
+        overhang = 0.0
+        for k in range(len(gaps)):
+            overhang = max(overhang, gaps[k])
+        if overhang > near:
+            cap[3] = EVERYTHING
+            relief = max(relief, np.float64(overhang))
     return relief
+
+
+@nb.njit(cache=True, nogil=True)
+def _room():  # type: ignore[no-untyped-def]
+    """Return what a footprint is measured in: a stack, normals to join, leaves to look at, a rim and its gaps."""
+    return (
+        np.empty(LONGEST + DEEPEST, np.int32),
+        np.empty((MOST_VISITS, 3), np.float64),
+        np.empty(AT_ONCE, np.int32),
+        np.empty((RIM_POINTS, 3), np.float64),
+        np.empty(RIM_POINTS, np.float64),
+    )
 
 
 @nb.njit(cache=True, nogil=True)
@@ -199,7 +261,7 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
     caps, reliefs : float64 (M, 4) and float32 (M,), written to
     Returns the nodes that are left out, each with what is near it.
     """
-    work = (np.empty(LONGEST + DEEPEST, np.int32), np.empty((MOST_VISITS, 3), np.float64))
+    work = _room()
     # Lists of the nodes on the stack, one after the other.
     pool = np.empty((DEEPEST, LONGEST), np.int32)
     counts = np.empty(DEEPEST, np.int32)

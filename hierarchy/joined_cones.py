@@ -6,6 +6,7 @@ import math
 
 import numba as nb
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.cones import EVERYTHING
 
 # Radians by which a cone is widened when it is joined with another: far above rounding, far below what matters.
@@ -19,7 +20,7 @@ def angle_between(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
     return ax * bx + ay * by + az * bz, math.sqrt(x * x + y * y + z * z)
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(**BORROWING)
 def cap_holds(cap, x, y, z, cosine, sine):  # type: ignore[no-untyped-def]
     """Tell whether a cap, float64 (4,), axis and cosine of its half-angle, holds a cone; as in `join_cone`."""
     if cap[3] == EVERYTHING:
@@ -32,7 +33,7 @@ def cap_holds(cap, x, y, z, cosine, sine):  # type: ignore[no-untyped-def]
     return c * cosine - s * sine >= cap[3] - 1e-12 and c * sine + s * cosine >= -1e-12
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def join_cone(cap, x, y, z, cosine, sine):  # type: ignore[no-untyped-def]
     """Widen a cap, float64 (4,), axis and cosine of its half-angle, to hold another cone; EVERYTHING from 90 degrees.
 
@@ -63,7 +64,7 @@ def join_cone(cap, x, y, z, cosine, sine):  # type: ignore[no-untyped-def]
     cap[3] = math.cos(half) if half < 0.5 * math.pi else EVERYTHING
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def join_farthest_first(cap, vectors):  # type: ignore[no-untyped-def]
     """Widen a cap to hold unit vectors, float64 (N, 3), the farthest first: hardly more than all at once would."""
     for _ in range(len(vectors)):

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
+
 # Entries up to which lists are taken apart into finer ones. A disc on a surface has a dozen neighbours of its own size.
 LONG = 64
 # Entries that a list can have: two more than the parent's where it is long, on a path of at most 74 nodes (octree.py).
@@ -55,7 +57,7 @@ def boxes_of_discs(nodes):  # type: ignore[no-untyped-def]
     return boxes
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(**BORROWING)
 def _meets(box, x, y, z, radius):  # type: ignore[no-untyped-def]
     """Tell whether a sphere meets a box."""
     dx = max(box[0] - x, x - box[3], 0.0)
@@ -64,7 +66,7 @@ def _meets(box, x, y, z, radius):  # type: ignore[no-untyped-def]
     return dx * dx + dy * dy + dz * dz <= radius * radius
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _hanging_leaf_meets(nodes, node, shapes, box):  # type: ignore[no-untyped-def]
     """Tell whether the bounding sphere of a leaf that hangs on the node itself meets a box."""
     _, _, _, centres, extents = shapes
@@ -82,7 +84,7 @@ def _hanging_leaf_meets(nodes, node, shapes, box):  # type: ignore[no-untyped-de
     return False
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def hand_down(nodes, families, shapes, parent, child, entries, count, near):  # type: ignore[no-untyped-def]
     """Write what is near a node's child to `near`, int32 (LONGEST,); return how many entries that is.
 

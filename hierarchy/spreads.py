@@ -13,6 +13,7 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.leaves import LeafShapes, Leaves, Triangles
 from hierarchy.model import UInt16Array
 from hierarchy.octree import Octree, generations
@@ -24,7 +25,7 @@ LEVELS_PER_SCALE = 2
 UNIT = 1.5 / 65535.0
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(**BORROWING)
 def _add_leaf(normals, indices, areas, leaf, sums):  # type: ignore[no-untyped-def]
     """Add to sums, float64 (5,), a leaf's area * mean normal, its area, and area * mean square angle to that normal.
 
@@ -44,12 +45,13 @@ def _add_leaf(normals, indices, areas, leaf, sums):  # type: ignore[no-untyped-d
     sums[4] += area * square / 12.0
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _add_below(normals, indices, areas, octree, node, sums):  # type: ignore[no-untyped-def]
     """Write to a row of sums what `_add_leaf` adds over all leaves below a node, to the last column but of its own."""
     first_child, child_count, begin, end = octree
     mine = sums[node]
-    mine[:] = 0.0
+    for k in range(5):
+        mine[k] = 0.0
     first, last = first_child[node], first_child[node] + child_count[node]
     leaf = begin[node]
     for child in range(first, last + 1):

@@ -7,6 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.frames import tangents
 
 # Primitives that face the other way by more than 120 degrees are the far side of a thin sheet, not of a crease.
@@ -19,7 +20,7 @@ _SINES = np.sin(2.0 * math.pi / RIM_POINTS * np.arange(RIM_POINTS))
 BORDER = 0.15
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(**BORROWING)
 def within(positions, indices, centres, extents, leaf, x, y, z, radius):  # type: ignore[no-untyped-def]
     """Tell whether a leaf's centre or one of its corners (surfel: its rim) is within a radius of a point."""
     dx, dy, dz = np.float64(centres[leaf, 0]) - x, np.float64(centres[leaf, 1]) - y, np.float64(centres[leaf, 2]) - z
@@ -38,18 +39,16 @@ def within(positions, indices, centres, extents, leaf, x, y, z, radius):  # type
     return False
 
 
-@nb.njit(cache=True, nogil=True)
-def rim_of(x, y, z, radius, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Return points on a disc's rim, float64 (RIM_POINTS, 3)."""
+@nb.njit(**BORROWING)
+def write_rim(x, y, z, radius, nx, ny, nz, rim):  # type: ignore[no-untyped-def]
+    """Write points on a disc's rim to rim, float64 (RIM_POINTS, 3)."""
     ux, uy, uz, vx, vy, vz = tangents(nx, ny, nz)
-    rim = np.empty((RIM_POINTS, 3), np.float64)
     for k in range(RIM_POINTS):
         c, s = radius * _COSINES[k], radius * _SINES[k]
         rim[k, 0], rim[k, 1], rim[k, 2] = x + c * ux + s * vx, y + c * uy + s * vy, z + c * uz + s * vz
-    return rim
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def approach_rim(centres, extents, leaf, rim, gaps):  # type: ignore[no-untyped-def]
     """Shorten the squared distances of the rim's points from the surface by what a leaf's bounding sphere reaches."""
     x, y, z = np.float64(centres[leaf, 0]), np.float64(centres[leaf, 1]), np.float64(centres[leaf, 2])

@@ -38,7 +38,7 @@ def scattered(seed, count, spread, flat=False):
 
 def cap_of(vectors):
     cap = np.empty(4)
-    bounding_cap(np.ascontiguousarray(vectors, np.float64), cap)
+    bounding_cap(np.ascontiguousarray(vectors, np.float64), len(vectors), cap, np.empty((4, 3)))
     return cap[:3], cap[3]
 
 

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from small_models import box, bumpy_sphere, cloud_of, icosphere, mesh_of, surfel_sphere, terrain, thin_sheet, turned
 
 from hierarchy.boxes import TURN_STEP, TURNS, WHOLE_DISC, tight_box
+from hierarchy.circles import CORNERS, MANY, SAMPLE, keep_outer, smallest_circle
 from hierarchy.cones import normal_cones
-from hierarchy.discs import MEAN_NORMAL_MIN, enclosing_circle, node_discs
+from hierarchy.discs import node_discs
 from hierarchy.frames import tangents
 from hierarchy.leaves import sort_surfels, sort_triangles
 from hierarchy.model import Mesh
 from hierarchy.octree import build_octree
+from hierarchy.planes import MEAN_NORMAL_MIN
 
 LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
@@ -25,7 +27,7 @@ RIM = np.linspace(0.0, 2.0 * math.pi, 64, endpoint=False)
 
 def circle_of(points):
     circle = np.empty(3)
-    enclosing_circle(np.ascontiguousarray(points.T, np.float64), circle)
+    smallest_circle(*np.ascontiguousarray(points.T, np.float64), len(points), circle, np.empty((4, 2)))
     return circle[:2], math.sqrt(circle[2])
 
 
@@ -84,7 +86,7 @@ def nodes_of(model, min_leaves=4):
     _, shapes, codes = sort_triangles(model) if isinstance(model, Mesh) else sort_surfels(model)
     octree = build_octree(codes, min_leaves)
     axes, _ = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
-    discs = node_discs(shapes, octree.leaf_begin, octree.leaf_end, axes)
+    discs = node_discs(shapes, octree, axes)
     return shapes, list(zip(octree.leaf_begin, octree.leaf_end, strict=True)), discs
 
 
@@ -225,6 +227,34 @@ def test_the_circle_around_a_single_surfel_is_its_octagon():
     assert 0.5 <= sizes[0, 0] <= 0.5 * 1.083
 
 
+# --- the points that a circle or a rectangle may depend on
+
+FLAT = {
+    "all over": lambda rng, n: rng.normal(size=(n, 2)),
+    "on a circle": lambda rng, n: np.stack([np.cos(np.arange(n)), np.sin(np.arange(n))], 1),
+    "on a grid": lambda rng, n: rng.integers(-5, 6, (n, 2)),
+    # Of a long and narrow one most directions have the same two ends, which rounding may put inside of each other.
+    "long and narrow": lambda rng, n: rng.normal(size=(n, 2)) * [1.0, 0.03] @ turned(np.eye(3))[:2, :2],
+    "on a line": lambda rng, n: rng.normal(size=(n, 1)) * [3.0, -1.0],
+    "one point": lambda rng, n: np.full((n, 2), 0.3),
+}
+
+
+@pytest.mark.parametrize("kind", FLAT)
+def test_points_that_are_left_out_lie_inside_those_that_are_kept(kind):
+    rng = np.random.default_rng(7)
+    for count in (MANY, SAMPLE, SAMPLE + 1, 1000, 5000):
+        points = np.asarray(FLAT[kind](rng, count), float) + 10.0
+        outer = np.empty((2, count))
+        kept = keep_outer(*np.ascontiguousarray(points.T), count, outer, np.empty((CORNERS, 3)))
+        angle = np.linspace(0.0, 2.0 * math.pi, 500)
+        along = np.stack([np.cos(angle), np.sin(angle)])
+        # As far in every direction, to the last bits of coordinates of 10.
+        np.testing.assert_allclose((outer[:, :kept].T @ along).max(axis=0), (points @ along).max(axis=0), atol=1e-13)
+        if kind == "all over":
+            assert kept < 0.3 * count
+
+
 # --- the rectangle that is drawn of a disc
 
 
@@ -257,7 +287,7 @@ def test_a_box_is_turned_to_where_it_is_smallest():
     along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     points = np.array([a * 0.9 * along + b * 0.1 * across for a in (-1, 1) for b in (-1, 1)])
     box = np.empty(4)
-    tight_box(np.ascontiguousarray(points.T), 0.0, 0.0, 1.0, box)
+    tight_box(*np.ascontiguousarray(points.T), len(points), 0.0, 0.0, 1.0, box, np.empty((4, TURNS)))
     assert np.rint(box[3] / TURN_STEP) in (1, 2)
     _, (left, right, low, high), _ = in_box(points, box)
     assert (right - left) * (high - low) < 1.05 * (1.8 * np.cos(0.5 * 0.5 * np.pi / TURNS) + 0.05) * 0.4
@@ -265,5 +295,5 @@ def test_a_box_is_turned_to_where_it_is_smallest():
 
 def test_the_box_of_a_point_is_the_whole_disc():
     box = np.empty(4)
-    tight_box(np.zeros((2, 3)), 0.0, 0.0, 0.0, box)
+    tight_box(*np.zeros((2, 3)), 3, 0.0, 0.0, 0.0, box, np.empty((4, TURNS)))
     assert tuple(box) == WHOLE_DISC

@@ -57,7 +57,7 @@ def footprint(hierarchy, shapes, node, scale):
 def cap_cosine(normals):
     cap = np.empty(4)
     normals = normals.astype(float)
-    bounding_cap(normals / np.linalg.norm(normals, axis=1, keepdims=True), cap)
+    bounding_cap(normals / np.linalg.norm(normals, axis=1, keepdims=True), len(normals), cap, np.empty((4, 3)))
     return cap[3]
 
 

@@ -43,8 +43,8 @@ def test_farthest_first_is_hardly_wider_than_the_smallest():
         vectors = [0.0, 0.0, 1.0] + spread * rng.normal(size=(rng.integers(2, 60), 3))
         vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
         few, smallest = np.empty(4), np.empty(4)
-        bounding_cap(vectors[:2].copy(), few)
-        bounding_cap(vectors, smallest)
+        bounding_cap(vectors, 2, few, np.empty((4, 3)))
+        bounding_cap(vectors, len(vectors), smallest, np.empty((4, 3)))
         join_farthest_first(few, vectors)
         if smallest[3] < np.cos(1.2):
             continue

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from steps_of_codes import steps_of
 
 from hierarchy.morton import SAME_PLACE
-from hierarchy.octree import LEVELS_PER_HALVING, MIN_LEAVES, SPARE_LEVELS, build_octree, most_levels
+from hierarchy.octree import LEVELS_PER_HALVING, MIN_LEAVES, SPARE_LEVELS, build_octree, generations, most_levels
 
 LAWS = settings(derandomize=True, deadline=None, max_examples=100)
 
@@ -89,6 +89,20 @@ def test_nodes_are_cells_and_their_children_the_halves(codes):
             assert len(half) == 1
             others = [int(c) for k, c in enumerate(codes) if not low <= k < high]
             assert half.isdisjoint(c >> (split - 1) for c in others)
+
+
+@LAWS
+@given(codes)
+def test_generations_are_runs_of_nodes_none_of_which_is_anothers_child(codes):
+    octree = build_octree(steps_of(codes), 2)
+    nodes, ends = len(octree.first_child), generations(octree.first_child, octree.child_count)
+    assert (ends[0], ends[-1]) == (nodes, 0)
+    assert (np.diff(ends) < 0).all()
+    for node in range(nodes):
+        run = np.flatnonzero(ends > node)[-1]
+        assert all(child >= ends[run] for child in children_of(octree, node))
+    # As few as can be: one for every level.
+    assert len(ends) - 1 == depths_of(octree).max() + 1
 
 
 def test_one_leaf():

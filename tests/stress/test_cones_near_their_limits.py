@@ -44,7 +44,7 @@ def angles(axis, vectors):
 
 def cap_of(vectors):
     cap = np.empty(4)
-    bounding_cap(np.ascontiguousarray(vectors), cap)
+    bounding_cap(np.ascontiguousarray(vectors), len(vectors), cap, np.empty((4, 3)))
     return cap[:3].copy(), cap[3]
 
 

@@ -14,10 +14,12 @@ from exact import smallest_circle_radius
 from small_models import beside_a_far_triangle, bumpy_sphere, mesh_of
 
 from hierarchy.boxes import TURN_STEP, TURNS, tight_box
+from hierarchy.circles import smallest_circle
 from hierarchy.cones import normal_cones
-from hierarchy.discs import enclosing_circle, node_discs
+from hierarchy.discs import node_discs
 from hierarchy.frames import tangents
 from hierarchy.leaves import LeafShapes, sort_surfels, sort_triangles
+from hierarchy.octree import Octree
 from hierarchy.surfels import enclosing_disc, surfels_of_mesh
 
 RELATIVE = 4e-15
@@ -32,7 +34,7 @@ def no_float_errors():
 
 def circle_of(points):
     circle = np.empty(3)
-    enclosing_circle(np.ascontiguousarray(points.T), circle)
+    smallest_circle(*np.ascontiguousarray(points.T), len(points), circle, np.empty((4, 2)))
     return circle[:2], math.sqrt(circle[2])
 
 
@@ -146,7 +148,8 @@ def leaves_of(rng, count):
 def discs_of(shapes, size):
     begin = np.arange(0, len(shapes.areas) - size + 1, size, dtype=np.int32)
     axes, _ = normal_cones(shapes.normals, begin, begin + size)
-    return node_discs(shapes, begin, begin + size, axes)
+    childless = np.zeros(len(begin), np.int32)
+    return node_discs(shapes, Octree(childless, childless, begin, begin + size), axes)
 
 
 def unsorted(mesh):
@@ -267,7 +270,7 @@ def test_the_last_end_of_a_rectangle_keeps_its_digits(ledger, amount, rng):
     for _ in range(count):
         points = rng.uniform(-0.7, 0.7, (3, 2)) * 10.0 ** rng.uniform(-3.0, 0.0, 2)
         box = np.empty(4, np.float32)
-        tight_box(np.ascontiguousarray(points.T), 0.0, 0.0, 1.0, box)
+        tight_box(*np.ascontiguousarray(points.T), 3, 0.0, 0.0, 1.0, box, np.empty((4, TURNS)))
         turn = np.rint(box[3] / TURN_STEP)
         angle = 0.5 * math.pi * turn / TURNS
         up = points @ [-math.sin(angle), math.cos(angle)]

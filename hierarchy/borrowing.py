@@ -1,0 +1,14 @@
+"""How kernels are compiled that only work on the arrays they are given.
+
+numba counts who holds an array, atomically, wherever it is passed on or taken out of a tuple. In a kernel that looks at
+a handful of leaves a million times that was a third of the time, and threads wait for each other's counting. What
+makes no arrays need not count: whoever calls it holds them for as long.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+# Of numba's options the last is not in its documentation, but all its versions have it: no reference counting. What
+# would allocate does not compile with it.
+BORROWING: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
