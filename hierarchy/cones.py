@@ -12,41 +12,60 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
-from hierarchy.dealing import DEALT, block_count, most_leaves, nodes_of
+from hierarchy.dealing import DEALT, block_count, nodes_of
 from hierarchy.enclosing import INSIDE, MAX_PASSES, MAX_STALLS, RIGHT_ANGLE, cap_with_pivot
 from hierarchy.model import Float32Array, Int32Array
 
 # cone_cos of a cone that contains everything (half-angle >= 90 degrees).
 EVERYTHING = -1.0
+# Vectors in a row that have a ball around them, and how many are looked at one by one sooner than their balls.
+CHUNK, FEW = 32, 64
 
 
 @nb.njit(**BORROWING)
-def _farthest(vectors, count, x, y, z):  # type: ignore[no-untyped-def]
-    """Return which of the first `count` unit vectors is the farthest from (x, y, z), and its squared distance."""
-    largest, farthest = -1.0, 0
-    for i in range(count):
-        dx, dy, dz = vectors[i, 0] - x, vectors[i, 1] - y, vectors[i, 2] - z
-        d2 = dx * dx + dy * dy + dz * dz
-        if d2 > largest:
-            largest, farthest = d2, i
+def _farthest(vectors, balls, begin, end, cap):  # type: ignore[no-untyped-def]
+    """Return which of vectors[begin:end] is the farthest from a cap's axis, and its squared distance.
+
+    -1 and the cap's own where none is farther than that.
+    """
+    x, y, z, largest = cap[0], cap[1], cap[2], cap[3]
+    farthest = -1
+    some = begin
+    while some < end:
+        stop = end
+        if end - begin > FEW:
+            # Whatever part of a chunk is meant lies in its ball.
+            chunk = some // CHUNK
+            stop = min((chunk + 1) * CHUNK, end)
+            dx, dy, dz = balls[chunk, 0] - x, balls[chunk, 1] - y, balls[chunk, 2] - z
+            reach = math.sqrt(dx * dx + dy * dy + dz * dz) + balls[chunk, 3]
+            if reach * reach <= largest:
+                some = stop
+                continue
+        for i in range(some, stop):
+            dx, dy, dz = vectors[i, 0] - x, vectors[i, 1] - y, vectors[i, 2] - z
+            d2 = dx * dx + dy * dy + dz * dz
+            if d2 > largest:
+                largest, farthest = d2, i
+        some = stop
     return farthest, largest
 
 
 @nb.njit(**BORROWING)
-def bounding_cap(vectors, count, cap, support):  # type: ignore[no-untyped-def]
-    """Write axis and cosine of the smallest cap around unit vectors to cap, float64 (4,).
+def bounding_cap(vectors, balls, begin, end, cap, support):  # type: ignore[no-untyped-def]
+    """Write axis and cosine of the smallest cap around the unit vectors [begin, end) to cap, float64 (4,).
 
-    vectors : float64 (N, 3), of which the first `count` >= 1 are meant; support : float64 (4, 3), to work in
+    vectors : float64 (N, 3), of which at least one is meant; balls : as `balls_of_chunks` returns them; support : float64 (4, 3), to work in
     The cosine is that of the vector measured to be farthest from the axis. It is EVERYTHING where no cap below 90
-    degrees holds them; the axis is then vectors[0].
+    degrees holds them; the axis is then the first vector.
     """
     for k in range(3):
-        support[0, k] = cap[k] = vectors[0, k]
+        support[0, k] = cap[k] = vectors[begin, k]
     cap[3] = 0.0
     rows, stalls = 1, 0
     best, x, y, z = RIGHT_ANGLE, cap[0], cap[1], cap[2]
     for _ in range(MAX_PASSES):
-        farthest, largest = _farthest(vectors, count, cap[0], cap[1], cap[2])
+        farthest, largest = _farthest(vectors, balls, begin, end, cap)
         # Any axis makes a cap with what is farthest from it: rounding in a step cannot lose more than the step.
         if largest < best:
             best, x, y, z = largest, cap[0], cap[1], cap[2]
@@ -62,7 +81,7 @@ def bounding_cap(vectors, count, cap, support):  # type: ignore[no-untyped-def]
     if best < RIGHT_ANGLE:
         cap[0], cap[1], cap[2], cap[3] = x, y, z, 1.0 - 0.5 * best
     else:
-        cap[0], cap[1], cap[2], cap[3] = vectors[0, 0], vectors[0, 1], vectors[0, 2], EVERYTHING
+        cap[0], cap[1], cap[2], cap[3] = vectors[begin, 0], vectors[begin, 1], vectors[begin, 2], EVERYTHING
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -77,29 +96,54 @@ def widened_cosine(cosine):  # type: ignore[no-untyped-def]
     return max(cosine - 4e-7 * math.sqrt(1.0 - cosine * cosine + 1e-13) - 3e-8, 0.0)
 
 
-@nb.njit(**BORROWING)
-def _cone(normals, begin, end, vectors, support, cap):  # type: ignore[no-untyped-def]
-    """Write the cap around the normals [begin, end) to cap; vectors : float64 (N, 3), to work in."""
-    # Normalised in float64: the float32 ones are off unit length by more than a narrow cone's cosine is off 1.
-    for leaf in range(begin, end):
-        x, y, z = np.float64(normals[leaf, 0]), np.float64(normals[leaf, 1]), np.float64(normals[leaf, 2])
+@nb.njit(cache=True, nogil=True, parallel=True)
+def unit_vectors(normals):  # type: ignore[no-untyped-def]
+    """Normalise normals (N, 3) in float64: stored ones are off unit length by more than a narrow cosine off 1."""
+    vectors = np.empty((len(normals), 3), np.float64)
+    for i in nb.prange(len(normals)):
+        x, y, z = np.float64(normals[i, 0]), np.float64(normals[i, 1]), np.float64(normals[i, 2])
         norm = math.sqrt(x * x + y * y + z * z)
-        i = leaf - begin
         vectors[i, 0], vectors[i, 1], vectors[i, 2] = x / norm, y / norm, z / norm
-    bounding_cap(vectors, end - begin, cap, support)
+    return vectors
+
+
+@nb.njit(cache=True, nogil=True, parallel=True)
+def balls_of_chunks(vectors):  # type: ignore[no-untyped-def]
+    """Return a ball around every CHUNK of unit vectors (N, 3): centre and radius, float64 (-(-N // CHUNK), 4).
+
+    A neighbourhood's normals have much in common: of most chunks the ball tells that none is the farthest.
+    """
+    balls = np.empty((-(-len(vectors) // CHUNK), 4), np.float64)
+    for chunk in nb.prange(len(balls)):
+        begin, end = chunk * CHUNK, min((chunk + 1) * CHUNK, len(vectors))
+        for k in range(3):
+            low = high = vectors[begin, k]
+            for i in range(begin + 1, end):
+                low, high = min(low, vectors[i, k]), max(high, vectors[i, k])
+            balls[chunk, k] = 0.5 * (low + high)
+        reach2 = 0.0
+        for i in range(begin, end):
+            d2 = 0.0
+            for k in range(3):
+                d2 += (vectors[i, k] - balls[chunk, k]) ** 2
+            reach2 = max(reach2, d2)
+        # Rounded up by more than distances are off by.
+        balls[chunk, 3] = math.sqrt(reach2) * (1.0 + 1e-12) + 1e-15
+    return balls
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
 def _cones(normals, begin, end):  # type: ignore[no-untyped-def]
     nodes = len(begin)
+    vectors = unit_vectors(normals)
+    balls = balls_of_chunks(vectors)
     axes = np.empty((nodes, 3), np.float32)
     cosines = np.empty(nodes, np.float32)
     for hand in nb.prange(len(DEALT)):
-        vectors = np.empty((most_leaves(hand, begin, end), 3))
         support, cap = np.empty((4, 3)), np.empty(4)
         for block in range(DEALT[hand], block_count(nodes), len(DEALT)):
             for node in range(*nodes_of(block, nodes)):
-                _cone(normals, begin[node], end[node], vectors, support, cap)
+                bounding_cap(vectors, balls, begin[node], end[node], cap, support)
                 axes[node, 0], axes[node, 1], axes[node, 2] = cap[0], cap[1], cap[2]
                 cosines[node] = widened_cosine(cap[3])
     return axes, cosines

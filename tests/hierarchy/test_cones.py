@@ -8,7 +8,7 @@ from brute_cone import minimum_cap
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hierarchy.cones import EVERYTHING, bounding_cap, normal_cones, widened_cosine
+from hierarchy.cones import CHUNK, EVERYTHING, FEW, balls_of_chunks, bounding_cap, normal_cones, widened_cosine
 
 LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
@@ -37,8 +37,8 @@ def scattered(seed, count, spread, flat=False):
 
 
 def cap_of(vectors):
-    cap = np.empty(4)
-    bounding_cap(np.ascontiguousarray(vectors, np.float64), len(vectors), cap, np.empty((4, 3)))
+    cap, vectors = np.empty(4), np.ascontiguousarray(vectors, np.float64)
+    bounding_cap(vectors, balls_of_chunks(vectors), 0, len(vectors), cap, np.empty((4, 3)))
     return cap[:3], cap[3]
 
 
@@ -159,6 +159,23 @@ def test_ranges_may_overlap_and_nest():
     # Less below a node never makes its cone wider.
     assert cosines[0] <= cosines[1] <= cosines[2]
     np.testing.assert_allclose(axes[3], normals[39], atol=1e-6)
+
+
+@pytest.mark.parametrize("spread", [1e-9, 1e-4, 0.1, 0.5])
+def test_what_balls_leave_out_does_not_matter(spread):
+    # A normal after the other along a spiral, so that chunks differ, and ranges that begin and end within them.
+    turn = np.linspace(0.0, 20.0, 20 * CHUNK)
+    flat = np.stack([np.cos(turn), np.sin(turn)], 1) * (spread * turn / 20.0)[:, None]
+    vectors = unit(np.column_stack([flat, np.ones(len(turn))]))
+    balls = balls_of_chunks(vectors)
+    inside = np.linalg.norm(vectors - np.repeat(balls[:, :3], CHUNK, axis=0), axis=1)
+    assert (inside <= np.repeat(balls[:, 3], CHUNK)).all()
+    for begin, end in ((0, len(turn)), (5, 5 + FEW + 1), (7, 9 * CHUNK + 3), (CHUNK - 1, 19 * CHUNK)):
+        pruned, whole = np.empty(4), np.empty(4)
+        bounding_cap(vectors, balls, begin, end, pruned, np.empty((4, 3)))
+        # Balls that leave out nothing.
+        bounding_cap(vectors, np.full_like(balls, 4.0), begin, end, whole, np.empty((4, 3)))
+        np.testing.assert_array_equal(pruned, whole)
 
 
 def test_a_hundred_thousand_identical_normals():

@@ -7,7 +7,7 @@ import pytest
 from small_models import box, bumpy_sphere, cloud_of, grid, icosphere, mesh_of, surfel_sphere, terrain, thin_sheet
 
 from hierarchy.build import build_hierarchy
-from hierarchy.cones import EVERYTHING, bounding_cap
+from hierarchy.cones import EVERYTHING, balls_of_chunks, bounding_cap, unit_vectors
 from hierarchy.footprints import BORDER, FAR_SIDE, RIM_POINTS
 from hierarchy.frames import tangents
 from hierarchy.leaves import sort_surfels, sort_triangles
@@ -56,8 +56,8 @@ def footprint(hierarchy, shapes, node, scale):
 
 def cap_cosine(normals):
     cap = np.empty(4)
-    normals = normals.astype(float)
-    bounding_cap(normals / np.linalg.norm(normals, axis=1, keepdims=True), len(normals), cap, np.empty((4, 3)))
+    vectors = unit_vectors(normals)
+    bounding_cap(vectors, balls_of_chunks(vectors), 0, len(vectors), cap, np.empty((4, 3)))
     return cap[3]
 
 

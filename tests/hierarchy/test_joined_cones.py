@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hierarchy.cones import EVERYTHING, bounding_cap
+from hierarchy.cones import EVERYTHING, balls_of_chunks, bounding_cap
 from hierarchy.joined_cones import cap_holds, join_cone, join_farthest_first
 
 
@@ -43,8 +43,9 @@ def test_farthest_first_is_hardly_wider_than_the_smallest():
         vectors = [0.0, 0.0, 1.0] + spread * rng.normal(size=(rng.integers(2, 60), 3))
         vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
         few, smallest = np.empty(4), np.empty(4)
-        bounding_cap(vectors, 2, few, np.empty((4, 3)))
-        bounding_cap(vectors, len(vectors), smallest, np.empty((4, 3)))
+        balls = balls_of_chunks(vectors)
+        bounding_cap(vectors, balls, 0, 2, few, np.empty((4, 3)))
+        bounding_cap(vectors, balls, 0, len(vectors), smallest, np.empty((4, 3)))
         join_farthest_first(few, vectors)
         if smallest[3] < np.cos(1.2):
             continue

@@ -14,7 +14,7 @@ from brute_cone import minimum_cap
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hierarchy.cones import EVERYTHING, bounding_cap, normal_cones, widened_cosine
+from hierarchy.cones import EVERYTHING, balls_of_chunks, bounding_cap, normal_cones, widened_cosine
 
 COSINE = 3e-15
 STORED_COSINE = 9.5e-8
@@ -43,8 +43,8 @@ def angles(axis, vectors):
 
 
 def cap_of(vectors):
-    cap = np.empty(4)
-    bounding_cap(np.ascontiguousarray(vectors), len(vectors), cap, np.empty((4, 3)))
+    cap, vectors = np.empty(4), np.ascontiguousarray(vectors)
+    bounding_cap(vectors, balls_of_chunks(vectors), 0, len(vectors), cap, np.empty((4, 3)))
     return cap[:3].copy(), cap[3]
 
 
