@@ -55,7 +55,10 @@ def _farthest(vectors, balls, begin, end, cap):  # type: ignore[no-untyped-def]
 def bounding_cap(vectors, balls, begin, end, cap, support):  # type: ignore[no-untyped-def]
     """Write axis and cosine of the smallest cap around the unit vectors [begin, end) to cap, float64 (4,).
 
-    vectors : float64 (N, 3), of which at least one is meant; balls : as `balls_of_chunks` returns them; support : float64 (4, 3), to work in
+    vectors : float64 (N, 3), of which at least one is meant
+    balls : as `balls_of_chunks` returns them
+    support : float64 (4, 3), to work in
+
     The cosine is that of the vector measured to be farthest from the axis. It is EVERYTHING where no cap below 90
     degrees holds them; the axis is then the first vector.
     """
