@@ -144,6 +144,10 @@ def build_octree(steps: UInt16Array, min_leaves: int = MIN_LEAVES) -> Octree:
     return Octree(*_build(steps, max(2, min_leaves)))
 
 
+# Nodes from which on it is worth waking threads, which on a busy machine takes as long as some thousand nodes do.
+WORTH_SHARING = 4096
+
+
 @nb.njit(cache=True, nogil=True)
 def generations(first_child, child_count):  # type: ignore[no-untyped-def]
     """Divide nodes, parents before children, into runs in which no node is another's child: what threads may share.

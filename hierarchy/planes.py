@@ -11,7 +11,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
-from hierarchy.octree import generations
+from hierarchy.octree import WORTH_SHARING, generations
 
 # Below this share of the summed areas the mean normal is noise (the sides of a thin sheet cancel).
 MEAN_NORMAL_MIN = 0.3
@@ -49,6 +49,10 @@ def plane_sums(normals, centres, areas, octree):  # type: ignore[no-untyped-def]
     sums = np.empty((len(octree[0]), 7))
     ends = generations(octree[0], octree[1])
     for k in range(len(ends) - 1):
+        if ends[k] - ends[k + 1] < WORTH_SHARING:
+            for node in range(ends[k + 1], ends[k]):
+                _add_below(normals, centres, areas, octree, node, sums)
+            continue
         for node in nb.prange(ends[k + 1], ends[k]):
             _add_below(normals, centres, areas, octree, node, sums)
     return sums

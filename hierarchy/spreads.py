@@ -16,7 +16,7 @@ import numpy as np
 from hierarchy.borrowing import BORROWING
 from hierarchy.leaves import LeafShapes, Leaves, Triangles
 from hierarchy.model import UInt16Array
-from hierarchy.octree import Octree, generations
+from hierarchy.octree import WORTH_SHARING, Octree, generations
 
 # Patches of 1, 1/2, 1/4 ... 1/32 of a node's radius: the spacings of the texels of 2 to 32 a side are among them.
 SCALES = 6
@@ -76,6 +76,10 @@ def _own_spreads(normals, indices, areas, octree):  # type: ignore[no-untyped-de
     sums = np.empty((nodes, 5))
     ends = generations(octree[0], octree[1])
     for k in range(len(ends) - 1):
+        if ends[k] - ends[k + 1] < WORTH_SHARING:
+            for node in range(ends[k + 1], ends[k]):
+                _add_below(normals, indices, areas, octree, node, sums)
+            continue
         for node in nb.prange(ends[k + 1], ends[k]):
             _add_below(normals, indices, areas, octree, node, sums)
     squares = np.empty(nodes)
