@@ -30,7 +30,7 @@ from hierarchy.near_nodes import LONGEST, boxes_of_discs, hand_down, nodes_with_
 from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, approach_rim, within, write_rim
 
 # Nodes and leaves that are not the node's own and are looked at for its footprint before subtrees are taken for what
-# bounds them. Igea's nodes take 85 on average, but discs that are coarse beside their triangles take more: a surface of
+# bounds them. Most nodes take a tenth of that, but discs that are coarse beside their triangles take more: a surface of
 # 4 M triangles drawn with 8,300 primitives at 1600 needs 13,300 at 400, and is built no faster.
 MOST_VISITS = 1600
 # The same of those that are the node's own, of which on an open surface some may be near the disc's rim.
