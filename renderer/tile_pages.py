@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 
 from hierarchy.hierarchy import Hierarchy
-from hierarchy.model import Int32Array, UInt8Array, UInt32Array
+from hierarchy.model import Int32Array, UInt32Array
 from hierarchy.normal_tiles import FittedTiles
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.tile_sizes import sides_of, texels_seen
@@ -25,6 +25,8 @@ DEFAULT_BYTES = 1 << 27
 # What a node has in place of a tile's place: one that was not baked, and one that needs no tile.
 MISSING, NEEDLESS = NO_TILE, NO_TILE - 1
 NEVER = -1
+
+Textures = tuple[moderngl.TextureArray, moderngl.TextureArray | None]
 
 
 class TilePages:
@@ -48,7 +50,9 @@ class TilePages:
         self.untiled = 0
         self._sizes = len(sides_of(texels)) if most is None else 1
         self._colored = colored
-        of_layer = LAYER_SIZE**2 * (6 if colored else 2)
+        # Filtered to bytes again normals would be off by up to a degree: so it is numbers of 16 bits that are filtered.
+        self._dtype = "f1" if limits.fine_filter else "nu2"
+        of_layer = LAYER_SIZE**2 * self._texel_bytes
         budget = limits.tile_bytes
         if budget is None:
             budget = DEFAULT_BYTES if most is None else of_layer * MOST_LAYERS
@@ -57,7 +61,7 @@ class TilePages:
         wanted = -(-(2 * nodes if most is None else most) // self._of_layer**2)
         self._most_layers = max(1, min(wanted, budget // of_layer, limits.array_layers, MOST_LAYERS))
         self._ctx = ctx
-        self._held, self.normals, self.colors = _textures(ctx, 1, colored)
+        self._held, self.normals, self.colors = self._textures(1)
         pages = self.normals.layers * self._of_layer
         self._place_of_node = np.full(nodes, MISSING, np.int32)
         self._spread_of_node = np.zeros(nodes, np.uint32)
@@ -135,7 +139,10 @@ class TilePages:
             nodes = tiles.nodes[new]
             layer, top = divmod(page, self._of_layer)
             top = top * self.texels + row * side
-            self._write(self.normals, tiles.normals[side][done : done + count], (column * side, top, layer))
+            normals = tiles.normals[side][done : done + count]
+            # 257 times a byte is the same share of 65535 as the byte is of 255.
+            wide = normals if self._dtype == "f1" else np.multiply(normals, 257, dtype=np.uint16)
+            self._write(self.normals, wide, (column * side, top, layer))
             if self.colors is not None:
                 self._write(self.colors, tiles.colors[side][done : done + count], (column * side, top, layer))
             columns = np.arange(column, column + count, dtype=np.int32) * side
@@ -149,8 +156,8 @@ class TilePages:
         return True
 
     @staticmethod
-    def _write(texture: moderngl.TextureArray, tiles: UInt8Array, corner: tuple[int, int, int]) -> None:
-        """Write tiles, uint8 (N, side, side, C), side by side."""
+    def _write(texture: moderngl.TextureArray, tiles: np.ndarray, corner: tuple[int, int, int]) -> None:
+        """Write tiles, (N, side, side, C) of the texture's dtype, side by side."""
         count, side = tiles.shape[:2]
         row = np.ascontiguousarray(tiles.transpose(1, 0, 2, 3))
         texture.write(row, (*corner, count * side, side, 1), alignment=1)
@@ -179,7 +186,7 @@ class TilePages:
         layers = min(2 * before, self._most_layers)
         try:
             # For a moment the old ones and the new ones are there.
-            made = _textures(self._ctx, layers, self._colored, (self.normals, self.colors))
+            made = self._textures(layers, (self.normals, self.colors))
         except (GpuError, MemoryError):
             # It has to do with what there is.
             self._most_layers = before
@@ -220,31 +227,27 @@ class TilePages:
 
     @property
     def nbytes(self) -> int:
-        return int(LAYER_SIZE**2 * self.normals.layers * (6 if self._colored else 2))
+        return LAYER_SIZE**2 * self.normals.layers * self._texel_bytes
+
+    @property
+    def _texel_bytes(self) -> int:
+        return (2 if self._dtype == "f1" else 4) + (4 if self._colored else 0)
+
+    def _textures(self, layers: int, copied: Textures | None = None) -> tuple[Held, *Textures]:
+        """Make the textures of normals and colours; raises GpuError where there is no memory for them.
+
+        copied : what their first layers are to hold
+        """
+        kinds = [(2, self._dtype)] + ([(4, "f1")] if self._colored else [])
+        size = LAYER_SIZE, LAYER_SIZE, layers
+        with allocating(self._ctx, "the normal tiles; choose a smaller w_s") as held:
+            made = [held.add(self._ctx.texture_array(size, components, dtype=dtype)) for components, dtype in kinds]
+            for texture in made:
+                texture.filter = moderngl.LINEAR, moderngl.LINEAR
+            for old, new in zip(copied or (), made, strict=False):
+                if old is not None:
+                    new.write(old.read(), (0, 0, 0, LAYER_SIZE, LAYER_SIZE, old.layers), alignment=1)
+            return held, made[0], made[1] if self._colored else None
 
     def release(self) -> None:
         self._held.release()
-
-
-Textures = tuple[moderngl.TextureArray, moderngl.TextureArray | None]
-
-
-def _textures(
-    ctx: moderngl.Context, layers: int, colored: bool, copied: Textures | None = None
-) -> tuple[Held, moderngl.TextureArray, moderngl.TextureArray | None]:
-    """Make the textures of normals and colours; raises GpuError where there is no memory for them.
-
-    copied : what their first layers are to hold
-    """
-    with allocating(ctx, "the normal tiles; choose a smaller w_s") as held:
-        made = _texture(ctx, held, layers, 2), _texture(ctx, held, layers, 4) if colored else None
-        for old, new in zip(copied or (), made, strict=False):
-            if old is not None and new is not None:
-                new.write(old.read(), (0, 0, 0, LAYER_SIZE, LAYER_SIZE, old.layers), alignment=1)
-        return held, *made
-
-
-def _texture(ctx: moderngl.Context, held: Held, layers: int, components: int) -> moderngl.TextureArray:
-    texture = held.add(ctx.texture_array((LAYER_SIZE, LAYER_SIZE, layers), components, dtype="f1"))
-    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-    return texture

@@ -217,7 +217,8 @@ def tiles_of_one_size(nodes, side):
 
 def texels_at(pages, nodes):
     """Return the first and the last texel of each node's tile, as they are on the GPU."""
-    texels = np.frombuffer(pages.normals.read(), np.uint8).reshape(-1, LAYER_SIZE, LAYER_SIZE, 2)
+    dtype, unit = (np.uint8, 1) if pages.normals.dtype == "f1" else (np.uint16, 257)
+    texels = np.frombuffer(pages.normals.read(), dtype).reshape(-1, LAYER_SIZE, LAYER_SIZE, 2) // unit
     places, _ = pages.places_of(nodes)
     power, row, column = places >> 28, places >> 10 & 1023, places & 1023
     last = np.where(power > 0, 1 << power, pages.texels) - 1
@@ -225,12 +226,13 @@ def texels_at(pages, nodes):
     return texels[layer, row, column, 0], texels[layer, row + last, column + last, 1]
 
 
-def test_least_recently_drawn_pages_make_room(renderer, rough):
+@pytest.mark.parametrize("fine_filter", [True, False], ids=["bytes", "16 bits"])
+def test_least_recently_drawn_pages_make_room(renderer, rough, fine_filter):
     """One layer of tiles of 64 x 64 texels has 16 pages of 16."""
-    renderer.limits = replace(renderer.limits, tile_bytes=1)
+    renderer.limits = replace(renderer.limits, tile_bytes=1, fine_filter=fine_filter)
     renderer.set_hierarchy(rough)
     pages, view = renderer.make_pages(64), view_of(rough)
-    assert pages.nbytes == 2 * LAYER_SIZE**2
+    assert pages.nbytes == (2 if fine_filter else 4) * LAYER_SIZE**2
     nodes = np.arange(rough.node_count, dtype=np.uint32)
     for first in range(0, 256, 16):
         missing, most = pages.begin(nodes[first : first + 16], view, rough)

@@ -20,7 +20,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.kernel import SHARPNESS
 from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut
-from hierarchy.normal_tiles import NormalTiles
+from hierarchy.normal_tiles import FittedTiles, NormalTiles
 from hierarchy.view import View
 from renderer.frame import Frame
 from renderer.splat_passes import EPSILON, FACING_AWAY, GROW, MARGIN, SINK, SMALLEST
@@ -30,10 +30,28 @@ DEPTH_RELATIVE = 2e-5
 # Pixels; and share of the depth by which fragments must clear the visible surface.
 SHIFT = 1.0 / 256.0
 CLEAR = 1e-4
-SHIFTS = ((SHIFT, SHIFT), (SHIFT, -SHIFT), (-SHIFT, SHIFT), (-SHIFT, -SHIFT))
+DIAGONALS = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
+SHIFTS = tuple((SHIFT * x, SHIFT * y) for x, y in DIAGONALS)
+# Where the near plane cuts primitives, their corners may be a hundred thousand pixels away, rounded to float32.
+CUT_SHIFT = 0.25
+
+Tiles = NormalTiles | FittedTiles
 
 
-def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view: View, whole: bool) -> Discs:
+def tile_codes(tiles: Tiles, node: int) -> Float64Array | None:
+    """Return the codes of a node's tile as encoding.py has them, (w, w, 2); None: the node has none."""
+    if isinstance(tiles, NormalTiles):
+        tile = int(tiles.tile_of_node[node])
+        return None if tile < 0 else tiles.normal_codes(tile).astype(np.float64)
+    (here,) = np.flatnonzero(tiles.nodes == node)
+    side = int(tiles.sides[here])
+    if side == 0:
+        return None
+    low, width = tiles.spreads[here].astype(np.float64).reshape(2, 2)
+    return low + width / 255.0 * tiles.normals[side][np.count_nonzero(tiles.sides[:here] == side)]
+
+
+def numpy_discs(hierarchy: Hierarchy, tiles: Tiles | None, cut: Cut, view: View, whole: bool) -> Discs:
     """Return the splats of a cut as the equations of the passes have them; `whole` discs or their rectangles."""
     splats = hierarchy.splats[cut.splats]
     normals, radii = splats["normal"].astype(np.float64), splats["radius"].astype(np.float64)
@@ -44,8 +62,14 @@ def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view:
     depths = -(centres @ view.eye_from_model[2, :3] + view.eye_from_model[2, 3])
     pixels = (1.0 if view.is_parallel else np.maximum(depths, 0.0)) / view.focal_pixels + 0.0 * depths
 
-    # Below the size of a pixel a disc faces the eye, whole and without a tile; so does one without a normal.
+    drawn_radii = np.maximum(radii + np.where(silhouette, 0.0, GROW * pixels), SMALLEST * pixels)
+    # Below the size of a pixel a disc faces the eye, whole and without a tile, its rim as far out as what is below it;
+    # one without a normal faces the eye, too.
     turned = (radii < SMALLEST * pixels) | ((normals**2).sum(axis=1) < 0.5)
+    along = centres - view.eye if not view.is_parallel else np.tile(-view.eye_from_model[2, :3], (len(centres), 1))
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-30)
+    across = normals - (normals * along).sum(axis=1, keepdims=True) * along
+    centres = centres - np.where(turned, np.maximum(drawn_radii - thickness, 0.0), 0.0)[:, None] * across
     frames = np.array([tangents(*normal) for normal in normals]).reshape(-1, 6)
     o1, o2, planes = (
         np.where(turned[:, None], axis, usual)
@@ -54,10 +78,11 @@ def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view:
 
     def tile_normals(i: int, u: Float64Array, v: Float64Array) -> Float64Array:
         node = int(cut.splats[i])
-        if tiles is None or turned[i] or node >= len(tiles.tile_of_node) or tiles.tile_of_node[node] < 0:
+        is_plain = tiles is None or turned[i] or node >= hierarchy.node_count
+        codes = None if is_plain or tiles is None else tile_codes(tiles, node)
+        if codes is None:
             return np.broadcast_to(normals[i], (len(u), 3))
-        codes = tiles.normal_codes(int(tiles.tile_of_node[node]))
-        local = decode_hemisphere(bilinear_tile(codes.astype(np.float64), u, v))
+        local = decode_hemisphere(bilinear_tile(codes, u, v))
         mapped: Float64Array = local @ np.stack([o1[i], o2[i], normals[i]])
         return mapped
 
@@ -68,7 +93,7 @@ def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view:
     return Discs(
         centres,
         normals,
-        np.maximum(radii + np.where(silhouette, 0.0, GROW * pixels), SMALLEST * pixels),
+        drawn_radii,
         EPSILON[0] * thickness + EPSILON[1] * np.maximum(radii, SMALLEST * pixels),
         o1,
         o2,
@@ -81,7 +106,7 @@ def numpy_discs(hierarchy: Hierarchy, tiles: NormalTiles | None, cut: Cut, view:
 
 def numpy_picture(
     hierarchy: Hierarchy,
-    tiles: NormalTiles | None,
+    tiles: Tiles | None,
     cut: Cut,
     view: View,
     offset: tuple[float, float] = (0.0, 0.0),
@@ -111,7 +136,7 @@ class Comparison:
     drawn : numpy draws something
     miscovered : stable, and only one of the two draws something
     degrees : between the normals; 0 where one of the two draws nothing, or where the pixel is not stable
-    depth_excess : by how much the depths differ beyond what a shift by SHIFT changes, as a share of the depth; ditto
+    depth_excess : by how much the depths differ beyond what such a shift changes, as a share of the depth; ditto
     """
 
     picture: Picture
@@ -125,7 +150,7 @@ class Comparison:
 def compare(
     frame: Frame,
     hierarchy: Hierarchy,
-    tiles: NormalTiles | None,
+    tiles: Tiles | None,
     cut: Cut,
     view: View,
     *,
@@ -134,19 +159,21 @@ def compare(
 ) -> Comparison:
     """Draw a cut with numpy, and compare a frame with that.
 
-    wary : leave out `slivers` and `held_back`, too
+    wary : leave out `slivers` and `held_back`, too, and more where the near plane cuts primitives
     """
     draw = functools.partial(numpy_picture, hierarchy, tiles, cut, view, whole=whole)
     picture = draw()
     drawn = picture.coverage > 0.0
     depths = np.where(drawn, picture.depth, view.near)
     stable = np.where(drawn, picture.margin > clearance(view, depths), True)
+    shift = SHIFT
     if wary:
         discs = numpy_discs(hierarchy, tiles, cut, view, whole)
         stable &= ~slivers(hierarchy, cut, view, discs) & ~held_back(view, discs)
+        shift = CUT_SHIFT if are_cut(hierarchy, cut, view, discs) else SHIFT
     changed = np.zeros(drawn.shape)
-    for offset in SHIFTS:
-        shifted = draw(offset)
+    for x, y in DIAGONALS:
+        shifted = draw((shift * x, shift * y))
         both = drawn & (shifted.coverage > 0.0)
         turned = both & (angles(shifted.normal, picture.normal) > 0.25)
         stable &= (drawn == (shifted.coverage > 0.0)) & ~turned
@@ -216,6 +243,16 @@ def slivers(hierarchy: Hierarchy, cut: Cut, view: View, discs: Discs) -> BoolArr
             share = np.clip((offset @ edge) / max(float(edge @ edge), 1e-30), 0.0, 1.0)
             near |= np.linalg.norm(offset - share[..., None] * edge, axis=-1) < blur
     return near
+
+
+def are_cut(hierarchy: Hierarchy, cut: Cut, view: View, discs: Discs) -> bool:
+    """Tell whether the near plane cuts anything of a cut."""
+    axis, offset = -view.eye_from_model[2, :3], -view.eye_from_model[2, 3]
+    nearest = (discs.centres @ axis + offset - discs.radii).min(initial=np.inf)
+    if isinstance(hierarchy.leaves, Triangles):
+        corners = hierarchy.leaves.positions[cut.indices].astype(np.float64)
+        nearest = (corners @ axis + offset).min(initial=nearest)
+    return bool(nearest < view.near)
 
 
 def held_back(view: View, discs: Discs) -> BoolArray:

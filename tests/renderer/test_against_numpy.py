@@ -26,9 +26,8 @@ Draw = Callable[..., tuple[Frame, Cut]]
 
 # Bounds. Of sums of float32; what a corner on the grid of 1/256 pixel changes counts, too.
 NORMAL_DEGREES = 0.1
-# Texture filters have 8 bits between two texels, and llvmpipe gives bytes again: twice what the encoding itself loses
-# (0.24 degrees in the mean, 0.55 at worst).
-TILE_MEAN_DEGREES, TILE_P95_DEGREES, TILE_MAX_DEGREES = 0.3, 0.6, 1.1
+# Texture filters may have no more than 8 bits between two texels.
+TILE_MEAN_DEGREES, TILE_P95_DEGREES, TILE_MAX_DEGREES = 0.1, 0.25, 0.5
 # Pixels of a picture that may differ all the same: rims that none of four shifts crosses. There are none today.
 OUTLIERS = 2
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 import pytest
-from frame_in_numpy import DEPTH_RELATIVE, compare
+from frame_in_numpy import DEPTH_RELATIVE, Tiles, compare
 from ledger import Ledger
 from scan_targets import scan_frame
 from scene_models import CLOUDS, MESHES, assemble
@@ -17,16 +17,14 @@ from scene_models import CLOUDS, MESHES, assemble
 from hierarchy.build import build_hierarchy
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut, select_cut
-from hierarchy.normal_tiles import bake_tiles
+from hierarchy.normal_tiles import TileBaker, bake_tiles
 from hierarchy.view import View, look_at
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 
 Amount = Callable[[int, int], int]
 
-# What the task of a picture is; and with tiles where the texture filter gives bytes again, as llvmpipe's does: each of
-# two bytes is off by half, which is what the encoding itself loses, 0.55 degrees at worst.
-NORMAL_DEGREES, FILTERED_DEGREES = 0.5, 1.1
+NORMAL_DEGREES = 0.5
 # Primitives of a cut that numpy is made to draw, five times.
 MOST = 500
 FAST = ("needles", "one triangle", "sheets a hair apart", "one point", "equal points", "normals flipped here and there")
@@ -86,15 +84,24 @@ def compare_random(
     ctx: moderngl.Context, renderer: Renderer, rng: np.random.Generator, hierarchy: Hierarchy, tiled: bool, count: int
 ) -> tuple[int, dict[str, Found]]:
     """Draw a model from `count` random views; return how many were compared, and the worst by kind of view."""
-    tiles = bake_tiles(hierarchy, int(rng.choice([1, 2, 8]))) if tiled else None
+    same = bake_tiles(hierarchy, int(rng.choice([1, 2, 8]))) if tiled else None
+    baker = TileBaker(hierarchy, int(rng.choice([4, 16])))
     renderer.set_hierarchy(hierarchy)
-    renderer.set_tiles(tiles)
     cases, worst = 0, {}
     for _ in range(count):
         kind, view = random_view(rng, hierarchy)
         cut = small_cut(rng, hierarchy, view)
         if cut is None:
             continue
+        # All of one size, or as few texels each as will do.
+        tiles: Tiles | None = same
+        if tiled and rng.random() < 0.5:
+            pages = renderer.make_pages(baker.texels)
+            tiles = baker.fitted(*pages.begin(cut.splats, view, hierarchy))
+            assert pages.add(tiles)
+            renderer.set_tiles(pages)
+        else:
+            renderer.set_tiles(same)
         framebuffer = ctx.simple_framebuffer((view.width, view.height))
         renderer.draw(cut, view, Settings(), framebuffer)
         assert scan_frame(renderer) == []
@@ -132,10 +139,15 @@ def test_pictures(
         tried = "outside, inside, on a surfel, 1e6 diagonals away, fov 1 to 170 degrees, parallel; random radii"
         suffix = ", tiles" if tiled else ""
         record = f"{len(MESHES)} meshes{suffix}" if kind == "mesh" else f"{len(CLOUDS)} clouds{suffix}"
-        bound = FILTERED_DEGREES if tiled else NORMAL_DEGREES
         degrees, depth = (max((getattr(f, what) for f in found), default=0.0) for what in ("degrees", "depth"))
         ledger.record(
-            "agreement", f"normals of {record}", tried, cases=count, worst=degrees, bound=bound, unit="degrees"
+            "agreement",
+            f"normals of {record}",
+            tried,
+            cases=count,
+            worst=degrees,
+            bound=NORMAL_DEGREES,
+            unit="degrees",
         )
         ledger.record("agreement", f"depths of {record}", tried, cases=count, worst=depth, bound=DEPTH_RELATIVE)
         assert sum(f.miscovered for f in found) == 0

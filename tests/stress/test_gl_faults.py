@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -21,12 +22,13 @@ from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View, look_at
 from renderer import tile_pages
-from renderer.allocation import GpuError, Held
+from renderer.allocation import GpuError
 from renderer.cut_tiles import CutTiles
-from renderer.limits import Limits, blends_floats, probe_limits
+from renderer.limits import Limits, blends_floats, filters_finely, probe_limits
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture, release_picture
+from renderer.tile_pages import TilePages
 
 SIZE = (96, 72)
 SMALL = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
@@ -88,23 +90,29 @@ def rough(monkeypatch) -> Hierarchy:
     return build_hierarchy(replace(model, normals=normals, colors=None))
 
 
-def test_tiles_of_the_cut_are_brought_where_there_is_room_for_no_more(ctx, rough, ledger: Ledger, amount) -> None:
-    layer = 2 * LAYER_SIZE**2
+@pytest.mark.parametrize("fine_filter", [True, False], ids=["bytes", "16 bits"])
+def test_tiles_of_the_cut_are_brought_where_there_is_room_for_no_more(
+    ctx, rough, ledger: Ledger, amount, fine_filter: bool
+) -> None:
+    small, layer = replace(SMALL, fine_filter=fine_filter), (2 if fine_filter else 4) * LAYER_SIZE**2
     views = [view_of(rough, azimuth) for azimuth in np.linspace(0.0, 6.0, amount(4, 200))]
     # Back to the first ones, whose tiles have had to make room.
     views += views[:2]
-    with drawing(ctx, SMALL, rough, None) as draw:
+    with drawing(ctx, small, rough, None) as draw:
         expected = [draw(view, r_inner=12.0) for view in views]
         assert draw.renderer._tiles.nbytes > layer
-    with drawing(ctx, replace(SMALL, tile_bytes=layer), rough, None) as draw:
+    with drawing(ctx, replace(small, tile_bytes=layer), rough, None) as draw:
         drawn = [draw(view, r_inner=12.0) for view in views]
         assert draw.renderer.shortcomings == []
         assert draw.renderer._tiles.nbytes == layer
     worst = max(np.abs(one - other).max() for one, other in zip(drawn, expected, strict=True))
-    # A texel's place in the texture turns the rounding of its filter, between texels as rough as these by two levels.
+    # A texel's place in the texture turns the rounding of its filter, of bytes between texels as rough as these by two
+    # levels.
+    texels = "bytes" if fine_filter else "16 bits"
     ledger.record(
-        "faults", "memory for tiles", "one layer of the atlas for a model with several, an orbit", cases=len(views),
-        worst=worst, bound=3, unit="grey levels",
+        "faults", f"memory for tiles, {texels}",
+        "one layer of the atlas for a model with several, an orbit", cases=len(views),
+        worst=worst, bound=3 if fine_filter else 1, unit="grey levels",
     )  # fmt: skip
 
 
@@ -163,6 +171,16 @@ def test_without_blending_of_floats_the_nearest_splats_show(ctx, model) -> None:
     assert np.isfinite(frame.depth[frame.coverage > 0]).all()
 
 
+def test_where_the_filter_rounds_to_bytes_tiles_have_16_bits(ctx, model) -> None:
+    fine = filters_finely(ctx)
+    if "llvmpipe" in ctx.info["GL_RENDERER"]:
+        assert not fine
+    assert probe_limits(ctx).fine_filter == fine
+    with drawing(ctx, replace(SMALL, fine_filter=fine), *model) as draw:
+        draw(view_of(model[0]))
+        assert draw.renderer._tiles.normals.dtype == ("f1" if fine else "nu2")
+
+
 def test_a_picture_larger_than_the_limits_is_one_line(ctx) -> None:
     for size in ((4097, 1), (1, 4097), (100_000, 100_000)):
         with pytest.raises(GpuError, match="4096 x 4096 can be drawn"):
@@ -170,14 +188,14 @@ def test_a_picture_larger_than_the_limits_is_one_line(ctx) -> None:
 
 
 def test_tiles_get_the_memory_that_there_is(ctx, rough, monkeypatch) -> None:
-    make = tile_pages._texture
+    make = TilePages._textures
 
-    def make_one_layer_only(ctx: moderngl.Context, held: Held, layers: int, components: int) -> moderngl.TextureArray:
+    def make_one_layer_only(pages: TilePages, layers: int, copied: Any = None) -> Any:
         if layers > 1:
-            raise moderngl.Error("no memory")
-        return make(ctx, held, layers, components)
+            raise GpuError("no memory")
+        return make(pages, layers, copied)
 
-    monkeypatch.setattr(tile_pages, "_texture", make_one_layer_only)
+    monkeypatch.setattr(TilePages, "_textures", make_one_layer_only)
     with drawing(ctx, SMALL, rough, None) as draw:
         for azimuth in (0.0, 1.5, 3.0):
             draw(view_of(rough, azimuth), r_inner=12.0)
