@@ -280,17 +280,22 @@ def _state_of_options(options: Options) -> ViewerState:
 def _open_ready_to_select(
     source: ModelSource, progress: Progress, cache: Cache | None, show: Callable[[Scene], None]
 ) -> Scene:
-    """Open a scene without tiles and choose a first cut, so that its kernel is compiled before the window wants it.
+    """Open a scene without tiles and choose a first cut, so that every kernel of a frame is compiled by then.
 
+    Otherwise the window would wait for them, and for those that bake tiles besides: one thread compiles at a time.
     show : called with a coarse stand-in, ready as well, where there is one
     """
     from hierarchy.lod import select_cut
+    from hierarchy.spans import reached_spans
+    from hierarchy.tile_sizes import texels_seen
 
     def ready(scene: Scene) -> Scene:
         progress("Preparing the selection", 1.0)
         resolution = (64, 64)
         view = view_of_pose(frame_scene(scene, CameraOptions(), resolution), scene, resolution)
-        select_cut(scene.hierarchy, view, 2.0, 16.0, two_sided=False)
+        cut = select_cut(scene.hierarchy, view, 2.0, 16.0, two_sided=False)
+        reached_spans(scene.hierarchy, cut, view, 0.0)
+        texels_seen(scene.hierarchy, view, cut.splats[:0], 1)
         return scene
 
     return ready(open_scene(source, progress, cache=cache, show=lambda stand_in: show(ready(stand_in))))

@@ -11,6 +11,7 @@ from app.errors import GraphicsError
 from app.options import CameraOptions, Options
 from app.state import FrameReport
 from app.viewer import Viewer
+from hierarchy import spans, tile_sizes
 from hierarchy.model import PointCloud, in_file_space
 
 SIZE = (320, 240)
@@ -265,3 +266,14 @@ def test_other_model_opened_during_a_stand_in_gets_a_camera_of_its_own(viewer, t
     assert viewer.scene.hierarchy.name == torus.name
     assert np.allclose(viewer.camera.position, before.position)
     assert not np.allclose(viewer.camera.position, far.position)
+
+
+def test_opening_compiles_every_kernel_of_a_frame(viewer, monkeypatch):
+    """The window waited 39 s for one: whoever bakes the first tiles compiles at the same time, and there is one lock."""
+    ready = []
+    for module, name in ((spans, "_spans"), (tile_sizes, "_texels_seen")):
+        kernel = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, name=name, kernel=kernel: ready.append(name) or kernel(*a))
+    settle(viewer)
+    assert viewer.scene is not None
+    assert set(ready) == {"_spans", "_texels_seen"}
