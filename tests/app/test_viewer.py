@@ -269,7 +269,7 @@ def test_other_model_opened_during_a_stand_in_gets_a_camera_of_its_own(viewer, t
 
 
 def test_opening_compiles_every_kernel_of_a_frame(viewer, monkeypatch):
-    """The window waited 39 s for one: whoever bakes the first tiles compiles at the same time, and there is one lock."""
+    """The window waited 39 s for one: whoever bakes the first tiles compiles at the same time, behind one lock."""
     ready = []
     for module, name in ((spans, "_spans"), (tile_sizes, "_texels_seen")):
         kernel = getattr(module, name)
