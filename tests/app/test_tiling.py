@@ -9,6 +9,7 @@ import pytest
 
 from app.baker import Baker
 from app.tiling import Tiling
+from hierarchy import tile_sizes
 from hierarchy.build import build_hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.meteoroid import make_meteoroid
@@ -16,7 +17,6 @@ from hierarchy.normal_tiles import FittedTiles, TileBaker, bake_tiles
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.tile_sizes import texels_seen
 from hierarchy.view import look_at
-from renderer import tile_pages
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture
@@ -123,7 +123,7 @@ def rough(monkeypatch):
     def whole(_hierarchy, _view, nodes, texels):
         return np.full(len(nodes), texels, np.int32)
 
-    monkeypatch.setattr(tile_pages, "texels_seen", whole)
+    monkeypatch.setattr(tile_sizes, "texels_seen", whole)
     model = make_meteoroid(20_000)
     normals = model.normals + 0.4 * np.random.default_rng(3).normal(size=model.normals.shape)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
