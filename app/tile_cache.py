@@ -22,12 +22,12 @@ def find_tiles(cache: Cache | None, scene: Scene, texels: int) -> ShownTiles | N
 
     texels : along one side at most (w_s)
     """
-    from hierarchy.tensor_file import DamagedFile
-    from hierarchy.tile_store import load_tiles
-
     entry = scene.provenance.entry
     if cache is None or not entry:
         return None
+    from hierarchy.tensor_file import DamagedFile
+    from hierarchy.tile_store import load_tiles
+
     path = _path(cache, entry, texels)
     try:
         kept = load_tiles(path, scene.hierarchy, texels, entry)
@@ -36,7 +36,7 @@ def find_tiles(cache: Cache | None, scene: Scene, texels: int) -> ShownTiles | N
     except (DamagedFile, ValueError, OSError, MemoryError) as error:
         cache.complain(f"{path.name} is not used", error)
         return None
-    touch(path)
+    _touch(cache, path, entry)
     cache.say(f"cache: found {len(kept.tiles.nodes)} tiles in {path}")
     return kept
 
@@ -46,12 +46,12 @@ def keep_tiles(cache: Cache, scene: Scene, shown: ShownTiles) -> None:
 
     Where the scene's hierarchy is not in the cache nothing is written, and to make room for tiles it never goes.
     """
-    from hierarchy.tile_parts import bytes_of_each
-    from hierarchy.tile_store import save_tiles
-
     entry = scene.provenance.entry
     if not entry:
         return
+    from hierarchy.tile_parts import bytes_of_each
+    from hierarchy.tile_store import save_tiles
+
     try:
         model = cache.path_of(entry)
         if not model.is_file():
@@ -66,7 +66,14 @@ def keep_tiles(cache: Cache, scene: Scene, shown: ShownTiles) -> None:
     except (OSError, ValueError, MemoryError) as error:
         cache.complain("tiles are not kept", error)
         return
+    _touch(cache, path, entry)
     cache.say(f"cache: kept {len(shown.tiles.nodes)} tiles, {written / 1e6:.1f} MB, in {path}")
+
+
+def _touch(cache: Cache, tiles: Path, entry: str) -> None:
+    """Note that tiles have been used, and last their hierarchy: without it they are for nothing, so they go first."""
+    touch(tiles)
+    touch(cache.path_of(entry))
 
 
 def _path(cache: Cache, entry: str, texels: int) -> Path:

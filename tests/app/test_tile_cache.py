@@ -201,12 +201,17 @@ def test_tiles_never_push_out_the_hierarchy_that_they_are_of(model, cache, said)
     assert "kept" in said[-1]
 
 
-def test_use_counts(model, cache):
+def test_use_counts_and_tiles_go_before_their_hierarchy(model, cache):
+    """Without the hierarchy tiles would be for nothing."""
     draw(model, cache)
     (tiles,) = tile_files(cache)
-    os.utime(tiles, (5, 5))
-    draw(model, cache)
-    assert tiles.stat().st_mtime > 100
+    for camera in (NEAR, ASIDE):
+        for file in cached_files(cache.folder):
+            os.utime(file.path, (5, 5))
+        draw(model, cache, camera)
+        order = [file.path for file in cached_files(cache.folder) if file.path.suffix == ".safetensors"]
+        assert order[0] == tiles
+        assert tiles.stat().st_mtime > 100
 
 
 # Faults.
