@@ -58,7 +58,8 @@ def user_cache_folder() -> Path | None:
 
 def cached_files(folder: Path) -> list[CachedFile]:
     """Return the files of the cache, those that have not been used for longest first; none where it cannot be read."""
-    return sorted(_files(folder), key=lambda file: file.used)
+    # A file system's clock may stand still for some milliseconds: hierarchies come after tiles used at the same time.
+    return sorted(_files(folder), key=lambda file: (file.used, file.is_model))
 
 
 def _files(folder: Path) -> Iterator[CachedFile]:
