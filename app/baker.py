@@ -12,7 +12,8 @@ import numpy as np
 from hierarchy.model import Int32Array, UInt32Array
 
 if TYPE_CHECKING:
-    from hierarchy.normal_tiles import FittedTiles, TileBaker
+    from hierarchy.normal_tiles import FittedTiles
+    from hierarchy.tile_shelf import TileSource
 
 # Tiles that a thread bakes at once: some 5 ms of work.
 BLOCK = 256
@@ -31,10 +32,10 @@ class Baker:
         self._count = max(1, (os.cpu_count() or 1) // 2) if threads is None else threads
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
-        self._tiles: TileBaker | None = None
+        self._tiles: TileSource | None = None
         # Nodes, and as how many texels a side their tiles are baked.
         self._waiting: tuple[UInt32Array, Int32Array] = NOTHING
-        self._in_hand: dict[int, tuple[TileBaker, UInt32Array]] = {}
+        self._in_hand: dict[int, tuple[TileSource, UInt32Array]] = {}
         # Of self._tiles, and nobody else's.
         self._baked: list[FittedTiles] = []
         self._error: BaseException | None = None
@@ -52,10 +53,10 @@ class Baker:
             in_hand = any(tiles is self._tiles for tiles, _ in self._in_hand.values())
             return self.has_baked or in_hand or len(self._waiting[0]) > 0
 
-    def want(self, tiles: TileBaker, nodes: UInt32Array, most: Int32Array) -> None:
+    def want(self, tiles: TileSource, nodes: UInt32Array, most: Int32Array) -> None:
         """Bake the tiles of these nodes next, the first ones first; and no others.
 
-        nodes, most : as in `TileBaker.fitted`
+        nodes, most : as in `TileSource.fitted`
         """
         with self._changed:
             if self._tiles is not tiles:
@@ -74,7 +75,7 @@ class Baker:
                 thread.start()
             self._changed.notify_all()
 
-    def take(self, tiles: TileBaker) -> list[FittedTiles]:
+    def take(self, tiles: TileSource) -> list[FittedTiles]:
         """Return what has been baked of `tiles` since the last call; raises what baking raised."""
         with self._changed:
             if tiles is not self._tiles:
@@ -122,7 +123,7 @@ class Baker:
                     self._error, self._waiting = error, NOTHING
             self._wake()
 
-    def _next(self, number: int) -> tuple[TileBaker, UInt32Array, Int32Array] | None:
+    def _next(self, number: int) -> tuple[TileSource, UInt32Array, Int32Array] | None:
         """Wait for work and take some of it in hand; None: there will be none."""
         with self._changed:
             while not self._closed and len(self._waiting[0]) == 0:

@@ -24,12 +24,15 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], None]
 
+SUFFIX = ".safetensors"
+
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A hierarchy out of the cache, and the notes that were kept with it."""
+    """A hierarchy out of the cache, what its entry is called, and the notes that were kept with it."""
 
     hierarchy: Hierarchy
+    entry: str
     notes: dict[str, str]
 
 
@@ -37,14 +40,15 @@ class Cache:
     """The entries in one folder, which is made when something is to be kept.
 
     say : told in one line what was found or kept, and why something was not
+    most_bytes : that the folder may hold
     """
 
     def __init__(
         self, folder: Path, say: Callable[[str], None] = lambda what: None, most_bytes: int = MOST_BYTES
     ) -> None:
         self.folder = folder
-        self._say = say
-        self._most_bytes = most_bytes
+        self.say = say
+        self.most_bytes = most_bytes
 
     def find(self, source: ModelSource) -> Found | None:
         """Map the hierarchy of a model; None: it has to be built."""
@@ -59,7 +63,7 @@ class Cache:
                         self._remember(known)
                     return found
         except (OSError, MemoryError) as error:
-            self._complain("not used", error)
+            self.complain("not used", error)
         return None
 
     def entry(self, source: ModelSource, inputs: Inputs) -> tuple[str, dict[str, str]]:
@@ -68,7 +72,7 @@ class Cache:
             return entry_of(source, 0, "", "", ()), {}
         digests = digests_of(source, inputs)
         if digests is None or inputs.model is None:
-            self._say("cache: not kept, a file changed while it was read")
+            self.say("cache: not kept, a file changed while it was read")
             return "", {}
         model, texture, references = digests
         known = KnownDigests(self.folder, source.path)
@@ -77,8 +81,8 @@ class Cache:
         notes = {"references": json.dumps(references)}
         return entry_of(source, inputs.model.state.size, model, texture, references), notes
 
-    def keep(self, entry: str, hierarchy: Hierarchy, notes: Mapping[str, str], progress: Progress) -> None:
-        """Write a hierarchy and notes to the cache, those of `entry` among them.
+    def keep(self, entry: str, hierarchy: Hierarchy, notes: Mapping[str, str], progress: Progress) -> bool:
+        """Write a hierarchy and notes to the cache, those of `entry` among them; False: it is not there.
 
         progress : called with the fraction written; an exception that it raises ends the work and is passed on
         """
@@ -86,16 +90,21 @@ class Cache:
 
         try:
             self._make_folder()
-            if not make_room(self.folder, hierarchy.nbytes, self._most_bytes):
+            if not make_room(self.folder, hierarchy.nbytes, self.most_bytes):
                 size = hierarchy.nbytes / 1e6
-                self._say(f"cache: not kept, {size:.0f} MB are too many for it or for the disk")
-                return
-            path = self.folder / f"{entry}.safetensors"
+                self.say(f"cache: not kept, {size:.0f} MB are too many for it or for the disk")
+                return False
+            path = self.path_of(entry)
             written = save_hierarchy(path, hierarchy, notes, progress)
         except (OSError, ValueError, MemoryError) as error:
-            self._complain("not kept", error)
-            return
-        self._say(f"cache: kept {written / 1e6:.1f} MB in {path}")
+            self.complain("not kept", error)
+            return False
+        self.say(f"cache: kept {written / 1e6:.1f} MB in {path}")
+        return True
+
+    def path_of(self, entry: str) -> Path:
+        """Return where the hierarchy of an entry is, if it is kept."""
+        return self.folder / f"{entry}{SUFFIX}"
 
     def _start_of_entry(self, source: ModelSource, known: KnownDigests | None) -> str:
         """Return what the names of a model's entries begin with, "": there are none. Raises OSError."""
@@ -127,11 +136,11 @@ class Cache:
             # Another process has just removed it.
             return None
         except (DamagedFile, ValueError, OSError, MemoryError) as error:
-            self._complain(f"{path.name} is not used", error)
+            self.complain(f"{path.name} is not used", error)
             return None
         touch(path)
-        self._say(f"cache: found in {path}")
-        return Found(hierarchy, notes)
+        self.say(f"cache: found in {path}")
+        return Found(hierarchy, path.name.removesuffix(SUFFIX), notes)
 
     def _make_folder(self) -> None:
         self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -141,8 +150,9 @@ class Cache:
             self._make_folder()
             known.save()
         except OSError as error:
-            self._complain("digests are not kept", error)
+            self.complain("digests are not kept", error)
 
-    def _complain(self, what: str, error: BaseException) -> None:
+    def complain(self, what: str, error: BaseException) -> None:
+        """Say in one line what an error kept the cache from."""
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        self._say(f"cache: {what}: {' '.join((reason or type(error).__name__).split())}")
+        self.say(f"cache: {what}: {' '.join((reason or type(error).__name__).split())}")

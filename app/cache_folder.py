@@ -25,7 +25,7 @@ MOST_FILES = 2_000
 # The share of a disk that is left to others.
 RESERVE = 0.01
 
-# Earlier versions kept tiles, too: nobody reads those any more, but they are ours to remove.
+# The tiles of a picture lie beside the hierarchy, called after it and the number of texels along one side.
 _ENTRY = re.compile(r"[0-9a-f]+-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{12}(\.tiles\d+)?\.safetensors")
 _OURS = re.compile(rf"{_ENTRY.pattern}|[0-9a-f]{{32}}\.known")
 
@@ -58,7 +58,8 @@ def user_cache_folder() -> Path | None:
 
 def cached_files(folder: Path) -> list[CachedFile]:
     """Return the files of the cache, those that have not been used for longest first; none where it cannot be read."""
-    return sorted(_files(folder), key=lambda file: file.used)
+    # A file system's clock may stand still for some milliseconds: hierarchies come after tiles used at the same time.
+    return sorted(_files(folder), key=lambda file: (file.used, file.is_model))
 
 
 def _files(folder: Path) -> Iterator[CachedFile]:
@@ -77,19 +78,22 @@ def _files(folder: Path) -> Iterator[CachedFile]:
         return
 
 
-def make_room(folder: Path, size: int, most_bytes: int) -> bool:
+def make_room(folder: Path, size: int, most_bytes: int, spared: Path | None = None) -> bool:
     """Remove what has not been used for longest until `size` more bytes fit; False: they do not, and nothing is lost.
 
+    spared : a file that stays
     Raises OSError where the folder's disk tells nothing.
     """
     disk = shutil.disk_usage(folder)
     files = cached_files(folder)
     present = sum(file.size for file in files)
     allowed = min(most_bytes, disk.free + present - int(RESERVE * disk.total))
-    if size > allowed:
+    if size + sum(file.size for file in files if file.path == spared) > allowed:
         return False
     count = len(files)
     for file in files:
+        if file.path == spared:
+            continue
         if present + size <= allowed and count < MOST_FILES:
             break
         file.path.unlink(missing_ok=True)

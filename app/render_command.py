@@ -28,11 +28,14 @@ from app.statistics import (
     scene_statistics,
     tile_statistics,
 )
+from app.tile_cache import find_tiles, keep_tiles
 
 if TYPE_CHECKING:
     import moderngl
 
+    from app.cache import Cache
     from hierarchy.lod import Cut
+    from hierarchy.tile_shelf import ShownTiles
     from renderer.renderer import Renderer
 
 DEFAULT_RESOLUTION = (1024, 1024)
@@ -55,17 +58,32 @@ def run_render(options: Options) -> None:
     source = ModelSource(options.model, options.texture, options.points)
     scene = open_scene(source, reporter.progress, cache=cache)
     reporter.warnings(scene.hierarchy.warnings)
-    statistics = draw_scene(scene, options, reporter)
+    statistics, unkept = draw_scene(scene, options, reporter, cache)
     if options.json:
         print(json.dumps(statistics, indent=2))
+    _keep(scene, unkept, cache)
+
+
+def _keep(scene: Scene, unkept: ShownTiles | None, cache: Cache | None) -> None:
+    """Put into the cache what is not there: the hierarchy, and then the tiles of the picture."""
     if cache is not None:
         # What was asked for comes first, whoever reads it.
         sys.stdout.flush()
         keep_scene(scene, cache)
+        if unkept is not None:
+            keep_tiles(cache, scene, unkept)
 
 
-def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, Statistic]:
-    """Draw a scene in a context of its own, write the outputs and return the statistics."""
+def draw_scene(
+    scene: Scene, options: Options, reporter: Reporter, cache: Cache | None = None
+) -> tuple[dict[str, Statistic], ShownTiles | None]:
+    """Draw a scene in a context of its own, and write the outputs.
+
+    cache : where tiles are looked for, None: nowhere
+    Returns the statistics, and the tiles of the picture, None: they are in the cache or cannot go there.
+    """
+    from hierarchy.tile_shelf import TileShelf
+    from hierarchy.tile_sizes import tiles_seen
     from renderer.context import create_headless_context
     from renderer.cut_tiles import CutTiles
     from renderer.limits import probe_limits
@@ -78,7 +96,9 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
         with graphics_errors():
             renderer = Renderer(ctx, probe_limits(ctx, options.tile_bytes))
             renderer.set_hierarchy(scene.hierarchy)
-            tiles = CutTiles(renderer, scene.hierarchy, texels) if options.normal_mapping else None
+            kept = find_tiles(cache, scene, texels) if options.normal_mapping else None
+            shelf = TileShelf(scene.hierarchy, texels, kept)
+            tiles = CutTiles(renderer, scene.hierarchy, texels, shelf) if options.normal_mapping else None
             shot = replace(shot, tiles=tiles)
             framebuffer = make_picture(ctx, renderer.limits, (shot.view.width, shot.view.height))
             coarseness = 1.0 if options.fps is None else _settle(renderer, framebuffer, shot, radii, options.fps)
@@ -87,8 +107,8 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
             if options.fps is not None:
                 _warn_of_rate(times, options.fps, reporter)
             reporter.warnings(renderer.shortcomings)
-            baked = tile_statistics(tiles, 0.0 if tiles is None else tiles.seconds)
-            statistics = scene_statistics(scene) | baked | frame_statistics(cut, times, renderer, ctx)
+            brought = tile_statistics(tiles, 0.0 if tiles is None else tiles.seconds) | {"tiles_cached": shelf.found}
+            statistics = scene_statistics(scene) | brought | frame_statistics(cut, times, renderer, ctx)
             picture = read_picture(framebuffer)
             # The arrays take another two passes.
             wants_arrays = any(not is_picture(path) for path in options.outputs)
@@ -102,7 +122,9 @@ def draw_scene(scene: Scene, options: Options, reporter: Reporter) -> dict[str, 
         else:
             write_arrays(path, frame, scene.hierarchy.scale)
         reporter.say(f"wrote {path}")
-    return statistics | _goal_statistics(shot, cut, radii, coarseness) if options.json else statistics
+    if options.json:
+        statistics |= _goal_statistics(shot, cut, radii, coarseness)
+    return statistics, shelf.worth_keeping(*tiles_seen(scene.hierarchy, shot.view, cut.splats, texels))
 
 
 def _prepare(scene: Scene, options: Options, reporter: Reporter) -> tuple[Shot, Radii, int]:
@@ -181,8 +203,6 @@ def render_instead_of_window(options: Options, reason: str, output: Path) -> Non
     source = ModelSource(options.model, options.texture, options.points)
     scene = open_scene(source, reporter.progress, cache=cache)
     reporter.warnings(scene.hierarchy.warnings)
-    draw_scene(scene, options, reporter)
+    _, unkept = draw_scene(scene, options, reporter, cache)
     print(f"{reason}: the picture is in {output}")
-    sys.stdout.flush()
-    if cache is not None:
-        keep_scene(scene, cache)
+    _keep(scene, unkept, cache)

@@ -75,9 +75,11 @@ class Provenance:
     """Where a hierarchy comes from; all scenes with that hierarchy share it.
 
     inputs : the files that it was built from, None: there is nothing left to do for the cache
+    entry : what it is called in the cache, "": it is not there
     """
 
     inputs: Inputs | None
+    entry: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +127,8 @@ def keep_scene(scene: Scene, cache: Cache, progress: Callable[[float], None] = l
         inputs, provenance.inputs = provenance.inputs, None
         entry, notes = cache.entry(scene.source, inputs)
         notes["content"] = json.dumps(asdict(scene.content))
-        if entry:
-            cache.keep(entry, scene.hierarchy, notes, progress)
+        if entry and cache.keep(entry, scene.hierarchy, notes, progress):
+            provenance.entry = entry
 
 
 def _find(source: ModelSource, cache: Cache | None) -> Scene | None:
@@ -139,7 +141,7 @@ def _find(source: ModelSource, cache: Cache | None) -> Scene | None:
         return None
     name = found.hierarchy.name if source.path is None else plain_line(source.path.name)
     hierarchy = replace(found.hierarchy, name=name)
-    return Scene(source, content, hierarchy, find_s, 0.0, Provenance(None))
+    return Scene(source, content, hierarchy, find_s, 0.0, Provenance(None, found.entry))
 
 
 def _build(source: ModelSource, progress: Progress, show: Callable[[Scene], None] | None) -> Scene:

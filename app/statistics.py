@@ -114,7 +114,7 @@ def scene_statistics(scene: Scene) -> dict[str, Statistic]:
 
 
 def tile_statistics(tiles: TileCount | CutTiles | None, bake_s: float) -> dict[str, Statistic]:
-    """Return sizes and times of the tiles that were baked; None: none were."""
+    """Return sizes and times of the tiles that were baked or drawn with; None: none were."""
     return {
         "tiles": tiles.tiles if tiles else 0,
         "tile_texels": tiles.texels if tiles else 0,

@@ -9,7 +9,8 @@ from app.baker import Baker
 from app.errors import unforeseen
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
-from hierarchy.normal_tiles import TileBaker
+from hierarchy.tile_shelf import ShownTiles, TileShelf
+from hierarchy.tile_sizes import tiles_seen
 from hierarchy.view import View
 from renderer.allocation import GpuError
 from renderer.renderer import Renderer
@@ -18,9 +19,9 @@ from renderer.tile_pages import TilePages
 
 @dataclass(frozen=True, eq=False)
 class _Tiles:
-    """Tiles of one size: what bakes them, and where they are on the GPU."""
+    """Tiles of one size: where they come from, and where they are on the GPU."""
 
-    baker: TileBaker
+    shelf: TileShelf
     pages: TilePages
 
 
@@ -28,17 +29,30 @@ class Tiling:
     """Keeps the renderer's tiles those of the present cut, as far as they have been baked.
 
     trouble : why tiles are missing that nobody is baking, "": none are; taken by whoever shows it
+    unkept : the tiles of the first picture that had all of its own, if some had to be baked: for the cache, since a
+        model is first seen from the same side the next time; taken by whoever keeps them
     """
 
-    def __init__(self, renderer: Renderer, wake: Callable[[], None]) -> None:
-        """wake : called from the background when there are more tiles to draw with."""
+    def __init__(
+        self,
+        renderer: Renderer,
+        wake: Callable[[], None],
+        find: Callable[[int], ShownTiles | None] = lambda texels: None,
+    ) -> None:
+        """Start without tiles.
+
+        wake : called from the background when there are more tiles to draw with
+        find : returns what has been kept of the tiles, of so many texels, of the renderer's hierarchy; None: nothing
+        """
         self._renderer = renderer
         self._baker = Baker(wake)
+        self._find = find
         # The pages of those that are shown are the renderer's; those that are coming are shown once a cut has all.
         self._shown: _Tiles | None = None
         self._coming: _Tiles | None = None
         self._refused: tuple[Hierarchy, int] | None = None
         self.trouble = ""
+        self.unkept: ShownTiles | None = None
 
     @property
     def has_news(self) -> bool:
@@ -62,7 +76,7 @@ class Tiling:
         self._baker.drop()
         self._drop_coming()
         self._renderer.set_tiles(None)
-        self._shown = self._refused = None
+        self._shown = self._refused = self.unkept = None
 
     def follow(self, hierarchy: Hierarchy, texels: int, cut: Cut, view: View) -> int:
         """Bring what has been baked to the GPU, and have baked what a cut still needs; return how many tiles that is.
@@ -90,18 +104,23 @@ class Tiling:
         if self._shown is not None and self._shown is not wanted:
             self._shown.pages.begin(cut.splats, view, hierarchy)
         missing, most = wanted.pages.begin(cut.splats, view, hierarchy)
-        baked = self._baker.take(wanted.baker)
-        for tiles in baked:
+        ready = self._baker.take(wanted.shelf)
+        kept = wanted.shelf.take(missing, most)
+        if kept is not None:
+            ready.append(kept)
+        for tiles in ready:
             if not wanted.pages.add(tiles):
                 # Too many pages hold what is not drawn any more: baked again all at once the tiles of a cut fill few.
                 wanted.pages.clear()
                 wanted.pages.add(tiles)
-        if baked:
+        if ready:
             missing, most = wanted.pages.begin(cut.splats, view, hierarchy)
-        self._baker.want(wanted.baker, missing, most)
+        self._baker.want(wanted.shelf, missing, most)
         if wanted is self._coming and (self._shown is None or len(missing) == 0):
             self._renderer.set_tiles(wanted.pages)
             self._shown, self._coming = wanted, None
+        if len(missing) == 0 and wanted.shelf.remembers:
+            self.unkept = wanted.shelf.worth_keeping(*tiles_seen(hierarchy, view, cut.splats, texels))
         return len(missing)
 
     def _tiles_of(self, hierarchy: Hierarchy, texels: int) -> _Tiles:
@@ -111,7 +130,7 @@ class Tiling:
             return self._shown
         if self._coming is None or self._coming.pages.texels != texels:
             self._drop_coming()
-            self._coming = _Tiles(TileBaker(hierarchy, texels), self._renderer.make_pages(texels))
+            self._coming = _Tiles(TileShelf(hierarchy, texels, self._find(texels)), self._renderer.make_pages(texels))
         return self._coming
 
     def _drop_coming(self) -> None:

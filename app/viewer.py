@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app.background import BackgroundTask
 from app.cache import Cache
@@ -22,6 +23,9 @@ from app.steering import Steering
 from hierarchy.model import Cancelled, ModelError, Progress, in_file_space
 from hierarchy.view import View, look_at
 from renderer.settings import Settings
+
+if TYPE_CHECKING:
+    from hierarchy.tile_shelf import ShownTiles
 
 QUARTER = 1.5707963267948966
 
@@ -118,6 +122,11 @@ class Viewer:
         if self._unkept is not None and self._keeper is not None:
             self._keeper.keep(self._unkept)
         self._unkept = None
+
+    def keep_tiles(self, shown: ShownTiles) -> None:
+        """Put the tiles of the last picture into the cache."""
+        if self.scene is not None and self._keeper is not None:
+            self._keeper.keep_tiles(self.scene, shown)
 
     def cancel(self) -> bool:
         """Stop the work in the background; False: there is none."""

@@ -10,14 +10,17 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from app.cache import Cache
 from app.errors import graphics_errors
 from app.export import read_picture
 from app.scene import Scene
 from app.state import STAGES, FrameReport
+from app.tile_cache import find_tiles
 from app.tiling import Tiling
 from app.viewer import Viewer
 from hierarchy.inside import eye_is_inside
 from hierarchy.lod import select_cut
+from hierarchy.tile_shelf import ShownTiles
 from renderer.allocation import GpuError
 from renderer.limits import probe_limits
 from renderer.renderer import Renderer
@@ -30,15 +33,19 @@ class Viewport:
     size : width and height of the picture in pixels
     """
 
-    def __init__(self, ctx: moderngl.Context, wake: Callable[[], None], tile_bytes: int | None = None) -> None:
+    def __init__(
+        self, ctx: moderngl.Context, wake: Callable[[], None], tile_bytes: int | None = None, cache: Cache | None = None
+    ) -> None:
         """Start without a model.
 
         wake : called from the background when there is more to draw
         tile_bytes : most memory that the normal tiles may take on the GPU, None: what tile_pages.py takes
+        cache : where tiles are looked for, None: nowhere
         """
         self._ctx = ctx
         self._renderer = Renderer(ctx, probe_limits(ctx, tile_bytes))
-        self._tiling = Tiling(self._renderer, wake)
+        self._tiling = Tiling(self._renderer, wake, self._find_tiles)
+        self._cache = cache
         self._target: moderngl.Framebuffer | None = None
         self._uploaded: Scene | None = None
         # What the last picture was to show, also where it could not be drawn; it is not tried twice.
@@ -170,6 +177,15 @@ class Viewport:
         if self._target is not None:
             release_picture(self._target)
             self._target = None
+
+    def take_unkept(self) -> ShownTiles | None:
+        """Return the tiles of the last picture if they are for the cache, once; None: nothing is."""
+        unkept, self._tiling.unkept = self._tiling.unkept, None
+        return unkept
+
+    def _find_tiles(self, texels: int) -> ShownTiles | None:
+        assert self._uploaded is not None
+        return find_tiles(self._cache, self._uploaded, texels)
 
     def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
         """Everything that the picture depends on; equal means that the picture is the same."""

@@ -55,8 +55,9 @@ class ViewerWindow(WindowConfig):
         self._window = wnd
         self._verbose = options.verbose
         self._gui = Gui(wnd)
-        self._viewport = Viewport(ctx, wake, options.tile_bytes)
-        self._viewer = Viewer(options, wake, self._viewport.upload, user_cache(options, self._say))
+        cache = user_cache(options, self._say)
+        self._viewport = Viewport(ctx, wake, options.tile_bytes, cache)
+        self._viewer = Viewer(options, wake, self._viewport.upload, cache)
         self._gestures = Gestures(self._viewport.depth_at)
         self._chooser = FileChooser()
         self._unsettled = SETTLING_FRAMES
@@ -161,6 +162,9 @@ class ViewerWindow(WindowConfig):
 
     def _report(self, report: FrameReport) -> None:
         self._viewer.drawn(report)
+        unkept = self._viewport.take_unkept()
+        if unkept is not None:
+            self._viewer.keep_tiles(unkept)
         self._say(
             f"frame: {report.splats} splats, {report.triangles} triangles, {report.silhouette} silhouette, "
             f"{report.total:.2f} ms"

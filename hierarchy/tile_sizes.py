@@ -59,3 +59,12 @@ def texels_seen(hierarchy: Hierarchy, view: View, nodes: UInt32Array, texels: in
     axis = -view.eye_from_model[2, :3]
     _texels_seen(hierarchy.splats, nodes, view.eye, axis, view.focal_pixels, view.is_parallel, sides, texels, most)
     return most
+
+
+def tiles_seen(hierarchy: Hierarchy, view: View, splats: UInt32Array, texels: int) -> tuple[UInt32Array, Int32Array]:
+    """Return the nodes among a cut's splats, uint32 (N,), the largest first, and what `texels_seen` says of them.
+
+    splats : uint32 (K,)
+    """
+    nodes = np.sort(splats[splats < hierarchy.node_count])
+    return nodes, texels_seen(hierarchy, view, nodes, texels)

@@ -1,4 +1,4 @@
-"""The tiles of one cut after the other, baked at once on all cores: for pictures that can wait for them."""
+"""The tiles of one cut after the other, at once on all cores: for pictures that can wait for them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.model import Progress, ignore_progress
 from hierarchy.normal_tiles import BLOCK, TileBaker
+from hierarchy.tile_shelf import TileSource
 from hierarchy.view import View
 from renderer.renderer import Renderer
 
@@ -15,24 +16,25 @@ from renderer.renderer import Renderer
 class CutTiles:
     """Keeps the tiles of a renderer those of the cut that it draws next.
 
-    tiles, nbytes, seconds : tiles that were baked, the bytes that they take, and how long that took
+    tiles, nbytes, seconds : tiles that were brought, the bytes that they take, and how long that took, with baking
     """
 
-    def __init__(self, renderer: Renderer, hierarchy: Hierarchy, texels: int) -> None:
+    def __init__(self, renderer: Renderer, hierarchy: Hierarchy, texels: int, source: TileSource | None = None) -> None:
         """Draw with tiles of at most `texels` x `texels` from now on; raises GpuError where there is no room for any.
 
         hierarchy : the renderer's
+        source : where its tiles come from, None: all are baked
         """
         self.texels = texels
         self.tiles = self.nbytes = 0
         self.seconds = 0.0
         self._hierarchy = hierarchy
-        self._baker = TileBaker(hierarchy, texels)
+        self._source = TileBaker(hierarchy, texels) if source is None else source
         self._pages = renderer.make_pages(texels)
         renderer.set_tiles(self._pages)
 
     def bring(self, cut: Cut, view: View, progress: Progress = ignore_progress) -> None:
-        """Bake what a cut needs and what is not there yet.
+        """Bring what a cut needs and what is not there yet.
 
         progress : called from this thread; an exception that it raises ends the work
         """
@@ -52,7 +54,7 @@ class CutTiles:
             for first in range(0, len(nodes), BLOCK):
                 progress("Baking normal tiles", first / len(nodes))
                 block = slice(first, first + BLOCK)
-                tiles = self._baker.fitted(nodes[block], most[block], at_once=True)
+                tiles = self._source.fitted(nodes[block], most[block], at_once=True)
                 if not self._pages.add(tiles):
                     return False
                 self.tiles += tiles.count

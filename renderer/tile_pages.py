@@ -14,7 +14,7 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.model import Int32Array, UInt32Array
 from hierarchy.normal_tiles import FittedTiles
 from hierarchy.tile_kernels import LAYER_SIZE
-from hierarchy.tile_sizes import sides_of, texels_seen
+from hierarchy.tile_sizes import sides_of, tiles_seen
 from hierarchy.view import View
 from renderer.allocation import GpuError, Held, allocating
 from renderer.limits import Limits
@@ -86,8 +86,7 @@ class TilePages:
         the largest nodes get them.
         """
         self._frame += 1
-        nodes = np.sort(splats[splats < len(self._place_of_node)])
-        most = texels_seen(hierarchy, view, nodes, self.texels)
+        nodes, most = tiles_seen(hierarchy, view, splats, self.texels)
         fits = self._fitting(nodes, most)
         self.untiled = len(nodes) - fits
         self._last = int(nodes[fits - 1]) if self.untiled else None

@@ -50,7 +50,7 @@ def rendered(torus, tmp_path_factory):
 def test_statistics_are_all_that_is_on_standard_output(rendered):
     _, _, statistics = rendered
     promised = {
-        "base_primitives", "nodes", "tiles", "tile_bytes", "splats", "triangles", "silhouette_splats",
+        "base_primitives", "nodes", "tiles", "tiles_cached", "tile_bytes", "splats", "triangles", "silhouette_splats",
         "visited_nodes", "load_s", "build_s", "bake_s", "select_ms", "draw_ms", "frame_ms", "gl_renderer",
         "peak_memory_mb",
     }  # fmt: skip

@@ -47,3 +47,14 @@ def test_keeper_without_work_has_no_thread_to_end():
     keeper = Keeper(None)
     keeper.close()
     assert keeper._thread is None
+
+
+def test_tiles_are_kept_after_the_scene_that_they_are_of(kept, monkeypatch):
+    scenes, go_on = kept
+    monkeypatch.setattr(keeper_module, "keep_tiles", lambda cache, scene, shown: scenes.append((scene, shown)))
+    keeper = Keeper(None)
+    keeper.keep(0)
+    keeper.keep_tiles(0, "tiles")
+    go_on.set()
+    keeper.close(30.0)
+    assert scenes == [0, (0, "tiles")]

@@ -9,6 +9,7 @@ import pytest
 
 from app.baker import Baker
 from app.tiling import Tiling
+from hierarchy import tile_sizes
 from hierarchy.build import build_hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.meteoroid import make_meteoroid
@@ -16,7 +17,6 @@ from hierarchy.normal_tiles import FittedTiles, TileBaker, bake_tiles
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.tile_sizes import texels_seen
 from hierarchy.view import look_at
-from renderer import tile_pages
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture
@@ -123,7 +123,7 @@ def rough(monkeypatch):
     def whole(_hierarchy, _view, nodes, texels):
         return np.full(len(nodes), texels, np.int32)
 
-    monkeypatch.setattr(tile_pages, "texels_seen", whole)
+    monkeypatch.setattr(tile_sizes, "texels_seen", whole)
     model = make_meteoroid(20_000)
     normals = model.normals + 0.4 * np.random.default_rng(3).normal(size=model.normals.shape)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -184,7 +184,7 @@ def test_small_tiles_take_little_room(renderer, hierarchy):
 
 
 def test_failure_is_told_once_and_not_tried_again(renderer, hierarchy, monkeypatch):
-    def fail(self, nodes, most):
+    def fail(self, nodes, most, **_):
         raise MemoryError
 
     monkeypatch.setattr(TileBaker, "fitted", fail)
@@ -327,3 +327,50 @@ def test_baker_bakes_what_is_wanted_now_in_order(hierarchy):
     found = np.concatenate([each.nodes for each in baked])
     np.testing.assert_array_equal(np.sort(found), wanted)
     baker.close()
+
+
+def test_kept_tiles_are_there_with_the_first_picture(renderer, hierarchy):
+    """Nothing is left to bake, and nothing new to keep."""
+    cut, view = cut_of(hierarchy), view_of(hierarchy)
+    first = Tiling(renderer, lambda: None)
+    wait_for_all(first, hierarchy, 8, cut)
+    expected, kept = picture(renderer, hierarchy), first.unkept
+    nodes = np.sort(cut.splats[cut.splats < hierarchy.node_count])
+    np.testing.assert_array_equal(kept.tiles.nodes, nodes)
+    np.testing.assert_array_equal(kept.tiles.most, texels_seen(hierarchy, view, nodes, 8))
+    first.close()
+    asked = []
+    second = Tiling(renderer, lambda: None, lambda texels: (asked.append(texels), kept)[1])
+    second.forget()
+    assert second.follow(hierarchy, 8, cut, view) == 0
+    assert second.texels == 8
+    assert not second.busy
+    assert second.unkept is None
+    found = picture(renderer, hierarchy)
+    np.testing.assert_array_equal(found.normal, expected.normal)
+    np.testing.assert_array_equal(found.color, expected.color)
+    # Of another view only what is missing is baked.
+    turned = cut_of(hierarchy, 0.5)
+    missing = second.follow(hierarchy, 8, turned, view_of(hierarchy, 0.5))
+    assert 0 < missing < np.count_nonzero(turned.splats < hierarchy.node_count)
+    wait_for_all(second, hierarchy, 8, turned, 0.5)
+    assert asked == [8]
+    second.close()
+
+
+def test_only_the_first_picture_with_all_its_tiles_is_for_the_cache(renderer, hierarchy):
+    tiling = Tiling(renderer, lambda: None)
+    tiling.forget()
+    assert tiling.follow(hierarchy, 8, cut_of(hierarchy), view_of(hierarchy)) > 0
+    assert tiling.unkept is None
+    # Whoever looks around meanwhile has another first picture.
+    turned = cut_of(hierarchy, 0.5)
+    wait_for_all(tiling, hierarchy, 8, turned, 0.5)
+    kept, tiling.unkept = tiling.unkept, None
+    nodes = turned.splats[turned.splats < hierarchy.node_count]
+    assert np.isin(kept.tiles.nodes, nodes).all()
+    # But for those that were baked with more texels than this view asks for.
+    assert len(kept.tiles.nodes) > 0.95 * len(nodes)
+    wait_for_all(tiling, hierarchy, 8, cut_of(hierarchy))
+    assert tiling.unkept is None
+    tiling.close()

@@ -16,8 +16,11 @@ from app import scene
 from app.cache import Cache
 from app.cache_folder import cached_files
 from app.scene import ModelSource, Scene, keep_scene, open_scene
+from app.tile_cache import find_tiles, keep_tiles
 from hierarchy import store
+from hierarchy.normal_tiles import TileBaker
 from hierarchy.store import save_hierarchy
+from hierarchy.tile_shelf import ShownTiles
 
 ROOT = Path(__file__).parents[2]
 
@@ -144,6 +147,48 @@ def test_things_in_its_place(ledger, cache, built, tmp_path, monkeypatch):
     ledger.record(
         "faults", "something else in a cache entry's place", ", ".join(places), cases=len(places), worst=wrong, bound=0,
         unit="wrong",
+    )  # fmt: skip
+
+
+@pytest.fixture
+def tiles(cache, built) -> tuple[Scene, Path]:
+    """The small model out of the cache, and the file there that holds tiles of it."""
+    opened = open_scene(built.source, cache=cache)
+    nodes = np.arange(opened.hierarchy.node_count, dtype=np.uint32)
+    baked = TileBaker(opened.hierarchy, 8).fitted(nodes, np.full(len(nodes), 8, np.int32))
+    keep_tiles(cache, opened, ShownTiles(8, baked))
+    assert find_tiles(cache, opened, 8) is not None
+    (path,) = (file.path for file in cached_files(cache.folder) if ".tiles" in file.path.name)
+    return opened, path
+
+
+def believed(cache: Cache, opened: Scene) -> bool:
+    """Tell whether the cache gives tiles that it must not, or raises."""
+    try:
+        return find_tiles(cache, opened, 8) is not None
+    except Exception:
+        return True
+
+
+def test_tiles_cut_anywhere_or_with_a_flipped_bit(ledger, amount, rng, cache, tiles):
+    opened, path = tiles
+    good = path.read_bytes()
+    wrong = 0
+    lengths = {0, 1, 7, 8, 9, len(good) - 1, *rng.integers(0, len(good), amount(50, 2_000)).tolist()}
+    for length in lengths:
+        path.write_bytes(good[:length])
+        wrong += believed(cache, opened)
+    header = 8 + int.from_bytes(good[:8], "little")
+    # Half of them in the header, whose bytes are few.
+    places = [*rng.integers(0, header, amount(50, 2_000)), *rng.integers(0, len(good), amount(50, 2_000))]
+    for place in places:
+        path.write_bytes(good[:place] + bytes([good[place] ^ 1 << rng.integers(8)]) + good[place + 1 :])
+        wrong += believed(cache, opened)
+    path.write_bytes(good)
+    assert find_tiles(cache, opened, 8) is not None
+    ledger.record(
+        "faults", "tiles in the cache", "cut off anywhere; single bits flipped, half of them in the header",
+        cases=len(lengths) + len(places), worst=wrong, bound=0, unit="believed",
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from faulty_context import FaultyContext
 from ledger import Ledger
 
 from app.errors import GraphicsError, graphics_errors
+from hierarchy import tile_sizes
 from hierarchy.build import build_hierarchy
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import select_cut
@@ -83,7 +84,7 @@ def rough(monkeypatch) -> Hierarchy:
     def whole(_hierarchy: Hierarchy, _view: View, nodes: np.ndarray, texels: int) -> np.ndarray:
         return np.full(len(nodes), texels, np.int32)
 
-    monkeypatch.setattr(tile_pages, "texels_seen", whole)
+    monkeypatch.setattr(tile_sizes, "texels_seen", whole)
     model = make_meteoroid(30_000)
     normals = model.normals + 0.4 * np.random.default_rng(3).normal(size=model.normals.shape).astype(np.float32)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
