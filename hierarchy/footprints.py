@@ -27,6 +27,7 @@ from hierarchy.joined_cones import angle_between, cap_holds, join_cone, join_far
 from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
 from hierarchy.near_nodes import LONGEST, boxes_of_discs, hand_down, nodes_with_leaves, reaches
+from hierarchy.patches import DEEPEST, FEW, SIZES, TOO_MANY, gather, measure_patch, patch_room
 from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, approach_rim, within, write_rim
 
 # Nodes and leaves that are not the node's own and are looked at for its footprint before subtrees are taken for what
@@ -38,14 +39,10 @@ MOST_OWN_VISITS = 1600
 # Subtrees whose spheres are this much smaller than the disc are taken for what bounds them, too: that is 0.4% of the
 # primitives of that surface, and at 0.25 it is half as many again.
 FINE = 0.05
-# Leaves that are looked at one by one, where a subtree has no more, before what bounds them.
-FEW = 16
 # Leaves that are looked at in one go.
 AT_ONCE = 64
 # Subtrees that threads work through; what is above them is done first.
 SUBTREES = 256
-# A path down the tree is at most 74 nodes long (octree.py), and each has at most two children.
-DEEPEST = 160
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -261,7 +258,7 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
     caps, reliefs : float64 (M, 4) and float32 (M,), written to
     Returns the nodes that are left out, each with what is near it.
     """
-    work = _room()
+    work, room = _room(), patch_room()
     # Lists of the nodes on the stack, one after the other.
     pool = np.empty((DEEPEST, LONGEST), np.int32)
     counts = np.empty(DEEPEST, np.int32)
@@ -280,6 +277,11 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
         if me["leaf_end"] - me["leaf_begin"] <= most:
             left_out.append((node, entries[:count].copy()))
             continue
+        if me["leaf_end"] - me["leaf_begin"] <= SIZES[0]:
+            gathered = gather(nodes, node, shapes, families[1][node], entries, count, work[0], room)
+            if gathered != TOO_MANY:
+                measure_patch(nodes, node, discs, shapes, families[1], closed, gathered, room, caps, reliefs)
+                continue
         reliefs[node] = _footprint(nodes, node, discs, shapes, closed, entries, count, work, caps[node])
         caps[node, 3] = widened_cosine(caps[node, 3])
         for child in range(me["first_child"], me["first_child"] + me["child_count"]):
