@@ -1,9 +1,9 @@
 """Footprints of small subtrees: the leaves near any of their discs are gathered once and looked at for each in one go.
 
-All but a few nodes in a hundred lie in subtrees of a hundred leaves. Their discs lie over the same leaves, so that looking
-for those from every node anew, down the tree, takes far longer than the arithmetic. Side by side in rows they are
-compared with a disc many at a time, in single precision and without branches; what may be under it is then looked at
-closely. What is near a smaller subtree is gathered from what is near the larger one.
+All but two nodes in a hundred lie in subtrees of a hundred leaves. Their discs lie over the same leaves, so that
+looking for those from every node anew, down the tree, takes far longer than the arithmetic. Side by side in rows they
+are compared with a disc many at a time, in single precision and without branches. What is near a smaller subtree is
+gathered from what is near the larger one. Leaves that a rounding error keeps from a disc count as under it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from hierarchy.near_nodes import meets
 from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, write_rim
 
 # Leaves that subtrees may have for which leaves are gathered: from the whole, from what the one before has, and so on.
-SIZES = (128, 32)
-# Leaves that can be gathered.
-ROOM = 1024
+SIZES = (256, 32)
+# Leaves that can be gathered. Rows of a power of two would all begin in the same lines of the cache.
+ROOM = 2064
 TOO_MANY = -1
 # Leaves of a node that are looked at one by one, sooner than its children.
 FEW = 16
@@ -110,7 +110,8 @@ def _flag_in_box(rows, count, box, flags):  # type: ignore[no-untyped-def]
     zero, wider = np.float32(0.0), np.float32(1.0 + ROUNDING)
     for k in range(count):
         x, y, z = rows[X + k], rows[Y + k], rows[Z + k]
-        dx, dy, dz = max(low_x - x, x - high_x, zero), max(low_y - y, y - high_y, zero), max(low_z - z, z - high_z, zero)
+        dx, dy = max(low_x - x, x - high_x, zero), max(low_y - y, y - high_y, zero)
+        dz = max(low_z - z, z - high_z, zero)
         reach = rows[EXTENT + k] * wider
         flags[k] = dx * dx + dy * dy + dz * dz <= reach * reach
 
@@ -149,7 +150,7 @@ def _flag_under(rows, leaves, count, triangles, disc, begin, end, flags):  # typ
             bx, by, bz = rows[BX + k] - px, rows[BY + k] - py, rows[BZ + k] - pz
             cx, cy, cz = rows[CX + k] - px, rows[CY + k] - py, rows[CZ + k] - pz
             a2, b2, c2 = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, cx * cx + cy * cy + cz * cz
-            distance2 = min(min(distance2, a2), min(b2, c2))
+            distance2 = min(distance2, a2, b2, c2)
             reach = radius * wider
         else:
             reach = (radius + rows[EXTENT + k]) * wider
@@ -214,8 +215,8 @@ def _footprint(nodes, node, discs, shapes, closed, level, count, room, cap):  # 
         x, y, z = np.float64(rows[NX + i]), np.float64(rows[NY + i]), np.float64(rows[NZ + i])
         # Not of unit length to the last bit: what is all but on the cap's rim is measured.
         if cap[0] * x + cap[1] * y + cap[2] * z < cap[3] + 1e-6:
-            norm = math.sqrt(x * x + y * y + z * z)
-            x, y, z = x / norm, y / norm, z / norm
+            unit = 1.0 / math.sqrt(x * x + y * y + z * z)
+            x, y, z = unit * x, unit * y, unit * z
             vectors[collected, 0], vectors[collected, 1], vectors[collected, 2] = x, y, z
             collected += cap[0] * x + cap[1] * y + cap[2] * z < cap[3]
     join_farthest_first(cap, vectors[:collected])
