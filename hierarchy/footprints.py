@@ -27,25 +27,25 @@ from hierarchy.joined_cones import angle_between, cap_holds, join_cone, join_far
 from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
 from hierarchy.near_nodes import LONGEST, boxes_of_discs, hand_down, nodes_with_leaves, reaches
+from hierarchy.patches import DEEPEST, FEW, SIZES, TOO_MANY, gather, measure_patch, patch_room
 from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, approach_rim, within, write_rim
 
 # Nodes and leaves that are not the node's own and are looked at for its footprint before subtrees are taken for what
 # bounds them. Most nodes take a tenth of that, but discs that are coarse beside their triangles take more: a surface of
 # 4 M triangles drawn with 8,300 primitives at 1600 needs 13,300 at 400, and is built no faster.
 MOST_VISITS = 1600
+# The same of subtrees of so few leaves with so many around that those cannot be gathered (patches.py): where primitives
+# lie on one another all subtrees are like that, and what bounds the others is good enough.
+MOST_VISITS_CROWDED, CROWDED = 100, 64
 # The same of those that are the node's own, of which on an open surface some may be near the disc's rim.
 MOST_OWN_VISITS = 1600
 # Subtrees whose spheres are this much smaller than the disc are taken for what bounds them, too: that is 0.4% of the
 # primitives of that surface, and at 0.25 it is half as many again.
 FINE = 0.05
-# Leaves that are looked at one by one, where a subtree has no more, before what bounds them.
-FEW = 16
 # Leaves that are looked at in one go.
 AT_ONCE = 64
 # Subtrees that threads work through; what is above them is done first.
 SUBTREES = 256
-# A path down the tree is at most 74 nodes long (octree.py), and each has at most two children.
-DEEPEST = 160
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -150,11 +150,12 @@ def _look_at_leaves(  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**BORROWING)
-def _footprint(nodes, node, discs, shapes, closed, entries, count, work, cap):  # type: ignore[no-untyped-def]
+def _footprint(nodes, node, discs, shapes, closed, entries, count, most_visits, work, cap):  # type: ignore[no-untyped-def]
     """Write the cone of a disc's footprint to cap, float64 (4,); return its relief.
 
     discs : normals and thicknesses of all discs
     entries, count : what is near the disc
+    most_visits : MOST_VISITS or MOST_VISITS_CROWDED
     work : arrays to work in, as `_room` returns them
     """
     disc_normals, thickness = discs
@@ -196,7 +197,7 @@ def _footprint(nodes, node, discs, shapes, closed, entries, count, work, cap):  
             if own and (not approaches or own_visits > MOST_OWN_VISITS):
                 continue
             own_visits += own
-            coarse = visits > MOST_VISITS or (not approaches and inner["sphere"] <= FINE * radius)
+            coarse = visits > most_visits or (not approaches and inner["sphere"] <= FINE * radius)
             if not own and (coarse or end - begin > FEW):
                 if _faces_away(inner, nx, ny, nz):
                     continue
@@ -261,13 +262,15 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
     caps, reliefs : float64 (M, 4) and float32 (M,), written to
     Returns the nodes that are left out, each with what is near it.
     """
-    work = _room()
+    work, room = _room(), patch_room()
     # Lists of the nodes on the stack, one after the other.
     pool = np.empty((DEEPEST, LONGEST), np.int32)
     counts = np.empty(DEEPEST, np.int32)
     stack = np.empty(DEEPEST, np.int32)
+    # Leaves that they may have for what is around them to be gathered.
+    sizes = np.empty(DEEPEST, np.int32)
     left_out = [(np.int32(0), np.empty(0, np.int32)) for _ in range(0)]
-    stack[0] = root
+    stack[0], sizes[0] = root, SIZES[0]
     pool[0, : len(near_root)] = near_root
     counts[0] = len(near_root)
     top = 1
@@ -280,11 +283,21 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
         if me["leaf_end"] - me["leaf_begin"] <= most:
             left_out.append((node, entries[:count].copy()))
             continue
-        reliefs[node] = _footprint(nodes, node, discs, shapes, closed, entries, count, work, caps[node])
+        leaves = me["leaf_end"] - me["leaf_begin"]
+        size = sizes[top]
+        if leaves <= size:
+            gathered = gather(nodes, node, shapes, families[1][node], entries, count, work[0], room)
+            if gathered != TOO_MANY:
+                measure_patch(nodes, node, discs, shapes, families[1], closed, gathered, room, caps, reliefs)
+                continue
+            # Much smaller subtrees may have fewer leaves around.
+            size = leaves // 4
+        visits = MOST_VISITS_CROWDED if leaves <= CROWDED else MOST_VISITS
+        reliefs[node] = _footprint(nodes, node, discs, shapes, closed, entries, count, visits, work, caps[node])
         caps[node, 3] = widened_cosine(caps[node, 3])
         for child in range(me["first_child"], me["first_child"] + me["child_count"]):
             counts[top] = hand_down(nodes, families, shapes, node, child, entries, count, pool[top])
-            stack[top] = child
+            stack[top], sizes[top] = child, size
             top += 1
     return left_out
 

@@ -65,6 +65,27 @@ def join_cone(cap, x, y, z, cosine, sine):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**BORROWING)
+def join_vector(cap, x, y, z):  # type: ignore[no-untyped-def]
+    """Widen a cap, float64 (4,), to hold a unit vector outside of it; as `join_cone`, without its angles."""
+    c, s = angle_between(cap[0], cap[1], cap[2], x, y, z)
+    cosine = min(cap[3], 1.0)
+    sine = math.sqrt((1.0 - cosine) * (1.0 + cosine))
+    # The axis turns by half of what the vector is off the cap, and the cap becomes wider by as much.
+    off_cosine, off_sine = c * cosine + s * sine, s * cosine - c * sine
+    turn_cosine = math.sqrt(max(0.5 * (1.0 + off_cosine), 0.0))
+    if s <= 0.0 or off_sine <= 0.0 or turn_cosine < 0.1:
+        join_cone(cap, x, y, z, 1.0, 0.0)
+        return
+    turn_sine = 0.5 * off_sine / turn_cosine
+    a, b = turn_cosine - turn_sine * c / s, turn_sine / s
+    cap[0], cap[1], cap[2] = a * cap[0] + b * x, a * cap[1] + b * y, a * cap[2] + b * z
+    half_cosine = cosine * turn_cosine - sine * turn_sine
+    half_sine = sine * turn_cosine + cosine * turn_sine
+    half_cosine -= SLACK * half_sine
+    cap[3] = half_cosine if half_cosine > 0.0 else EVERYTHING
+
+
+@nb.njit(**BORROWING)
 def join_farthest_first(cap, vectors):  # type: ignore[no-untyped-def]
     """Widen a cap to hold unit vectors, float64 (N, 3), the farthest first: hardly more than all at once would."""
     for _ in range(len(vectors)):
@@ -73,6 +94,6 @@ def join_farthest_first(cap, vectors):  # type: ignore[no-untyped-def]
             c = cap[0] * vectors[i, 0] + cap[1] * vectors[i, 1] + cap[2] * vectors[i, 2]
             if c < least:
                 least, farthest = c, i
-        if cap[3] == EVERYTHING or farthest < 0 or least >= cap[3]:
+        if cap[3] == EVERYTHING or least >= cap[3]:
             return
-        join_cone(cap, vectors[farthest, 0], vectors[farthest, 1], vectors[farthest, 2], 1.0, 0.0)
+        join_vector(cap, vectors[farthest, 0], vectors[farthest, 1], vectors[farthest, 2])

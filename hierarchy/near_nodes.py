@@ -58,7 +58,7 @@ def boxes_of_discs(nodes):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**BORROWING)
-def _meets(box, x, y, z, radius):  # type: ignore[no-untyped-def]
+def meets(box, x, y, z, radius):  # type: ignore[no-untyped-def]
     """Tell whether a sphere meets a box."""
     dx = max(box[0] - x, x - box[3], 0.0)
     dy = max(box[1] - y, y - box[4], 0.0)
@@ -77,7 +77,7 @@ def _hanging_leaf_meets(nodes, node, shapes, box):  # type: ignore[no-untyped-de
         end = nodes[child]["leaf_begin"] if child < last else inner["leaf_end"]
         for leaf in range(begin, end):
             x, y, z = np.float64(centres[leaf, 0]), np.float64(centres[leaf, 1]), np.float64(centres[leaf, 2])
-            if _meets(box, x, y, z, np.float64(extents[leaf])):
+            if meets(box, x, y, z, np.float64(extents[leaf])):
                 return True
         if child < last:
             begin = nodes[child]["leaf_end"]
@@ -121,7 +121,7 @@ def hand_down(nodes, families, shapes, parent, child, entries, count, near):  # 
                 continue
             inner = nodes[entry]
             x, y, z = np.float64(inner["x"]), np.float64(inner["y"]), np.float64(inner["z"])
-            if not _meets(box, x, y, z, np.float64(inner["sphere"])):
+            if not meets(box, x, y, z, np.float64(inner["sphere"])):
                 continue
             children = inner["child_count"]
             # What is left of the parent's list may have to be kept as it is.
