@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hierarchy.cones import EVERYTHING, balls_of_chunks, bounding_cap
-from hierarchy.joined_cones import cap_holds, join_cone, join_farthest_first
+from hierarchy.joined_cones import SLACK, cap_holds, join_cone, join_farthest_first, join_vector
 
 
 def test_a_joined_cone_holds_both():
@@ -54,3 +54,25 @@ def test_farthest_first_is_hardly_wider_than_the_smallest():
     assert len(ratios) > 200
     assert np.mean(ratios) < 1.06
     assert max(ratios) < 1.25
+
+
+@pytest.mark.parametrize("half", [0.0, 1e-9, 1e-4, 0.3, 1.2, 1.5707])
+@pytest.mark.parametrize("off", [1e-12, 1e-8, 1e-4, 0.1, 1.0, 1.5, 3.0])
+def test_a_cap_with_a_vector_is_that_with_a_cone_of_no_width(half, off):
+    rng = np.random.default_rng(7)
+    for _ in range(30):
+        (axis, across), angle = np.linalg.qr(rng.normal(size=(3, 2)))[0].T, min(half + off, np.pi)
+        vector = np.cos(angle) * axis + np.sin(angle) * across
+        cap, as_cone = np.array([*axis, np.cos(half)]), np.array([*axis, np.cos(half)])
+        if axis @ vector >= cap[3]:
+            # Rounding has moved it inside.
+            continue
+        join_vector(cap, *vector)
+        join_cone(as_cone, *vector, 1.0, 0.0)
+        assert (cap[3] == EVERYTHING) == (as_cone[3] == EVERYTHING)
+        if cap[3] != EVERYTHING:
+            assert np.arccos(min(cap[3], 1.0)) == pytest.approx(np.arccos(min(as_cone[3], 1.0)), abs=1.2 * SLACK)
+            assert np.linalg.norm(cap[:3] - as_cone[:3]) < SLACK
+            assert cap[:3] @ vector >= cap[3] - 1e-15
+            # The old cap's far end, too.
+            assert cap[:3] @ (np.cos(half) * axis - np.sin(half) * across) >= cap[3] - 1e-15

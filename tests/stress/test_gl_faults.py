@@ -22,7 +22,6 @@ from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View, look_at
-from renderer import tile_pages
 from renderer.allocation import GpuError
 from renderer.cut_tiles import CutTiles
 from renderer.limits import Limits, blends_floats, filters_finely, probe_limits
