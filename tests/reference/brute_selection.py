@@ -30,12 +30,14 @@ class Selection:
 
     nodes, leaves : number -> on the silhouette
     culled : leaves that are outside the frustum or face away
+    edge_on : triangles that may or may not be culled: the eye is in their planes, but for rounding
     visited : number of nodes looked at
     """
 
     nodes: dict[int, bool] = field(default_factory=dict)
     leaves: dict[int, bool] = field(default_factory=dict)
     culled: set[int] = field(default_factory=set)
+    edge_on: set[int] = field(default_factory=set)
     visited: int = 0
 
 
@@ -145,7 +147,10 @@ def select(
         below = {leaf for child in children for leaf in range(nodes[child]["leaf_begin"], nodes[child]["leaf_end"])}
         for leaf in set(range(node["leaf_begin"], node["leaf_end"])) - below:
             triangles = hierarchy.leaves if isinstance(hierarchy.leaves, Triangles) else None
-            if hides_backs and not bare[leaf] and triangles is not None and faces_away(triangles, leaf, view):
+            sine = 0.0 if triangles is None else sine_of_eye(triangles, leaf, view)
+            if triangles is not None and abs(sine) < 1e-14:
+                selection.edge_on.add(leaf)
+            if hides_backs and not bare[leaf] and triangles is not None and sine >= 0.0:
                 selection.culled.add(leaf)
             else:
                 selection.leaves[leaf] = silhouette
@@ -174,8 +179,12 @@ def cells_of_sphere(view: View, centre: Float64Array, sphere: float) -> tuple[sl
     return slices[0], slices[1]
 
 
-def faces_away(triangles: Triangles, leaf: int, view: View) -> bool:
-    """Tell whether the eye is behind a triangle's plane, or in it; parallel rays meet its back, or run along it."""
+def sine_of_eye(triangles: Triangles, leaf: int, view: View) -> float:
+    """Return the sine of the angle at which the view ray to a triangle's first corner meets its plane, from behind.
+
+    0 where the eye is in the plane, also in the corner itself, or the triangle has no area.
+    """
     a, b, c = triangles.positions[triangles.indices[leaf]].astype(np.float64)
     ray = -view.eye_from_model[2, :3] if view.is_parallel else a - view.eye
-    return bool(np.cross(b - a, c - a) @ ray >= 0.0)
+    normal = np.cross(b - a, c - a)
+    return float(normal @ ray / max(np.linalg.norm(normal) * np.linalg.norm(ray), np.finfo(np.float64).tiny))
