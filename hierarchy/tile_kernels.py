@@ -20,6 +20,7 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.encoding import encode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.kernel import gaussian
@@ -32,6 +33,8 @@ LAYER_SIZE = 1024
 BASE_VISITS = 1024
 VISITS_PER_LEAF = 16
 LAYERS = 24
+# Nodes that a traversal can have before it at a time: a path down the tree is at most 74 nodes long (octree.py).
+STACK = 128
 # Slack of the inside test, relative to the triangle: a texel on an edge must not fall between two triangles.
 EDGE_SLACK = 1e-9
 
@@ -65,7 +68,7 @@ def _along(vector, axis):  # type: ignore[no-untyped-def]
     return vector[0] * axis[0] + vector[1] * axis[1] + vector[2] * axis[2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, height, sums):  # type: ignore[no-untyped-def]
     """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
 
@@ -128,7 +131,7 @@ def _scatter_triangle(leaves, leaf, disc, scale, half, height, sums):  # type: i
     return (high + 1 - low) * (right + 1 - left)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _scatter_surfel(leaves, leaf, disc, scale, half, weights, sums):  # type: ignore[no-untyped-def]
     """Add a base surfel's weighted normal to the texels whose lines hit its disc (Algorithm 1, eq. 13-14).
 
@@ -183,10 +186,11 @@ def _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums): 
     return 1 + _scatter_surfel(leaves, leaf, disc, scale, half, nearest, sums)
 
 
-@nb.njit(cache=True, nogil=True)
-def _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # type: ignore[no-untyped-def]
+@nb.njit(**BORROWING)
+def _gather(nodes, leaves, triangles, node, disc, texels, stack, nearest, sums):  # type: ignore[no-untyped-def]
     """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile.
 
+    stack : int32 (STACK,) to work in
     Returns whether the work allowed for a tile was enough for it.
     """
     me = nodes[node]
@@ -195,8 +199,6 @@ def _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # typ
     half = 0.5 * (texels - 1)
     scale = _scale(me, texels)
     work_left = _most_work(me, texels)
-    # A path down the tree is at most 74 nodes long (octree.py).
-    stack = np.empty(128, np.int32)
     stack[0] = 0
     top = 1
     while top > 0:
@@ -235,7 +237,7 @@ def _most_work(me, texels):  # type: ignore[no-untyped-def]
     return BASE_VISITS + VISITS_PER_LEAF * (me["leaf_end"] - me["leaf_begin"]) + LAYERS * texels * texels
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # type: ignore[no-untyped-def]
     """Scatter as many leaves into a tile as the work allowed for it is enough for: the node's own, then others nearby.
 
@@ -268,7 +270,7 @@ def _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums):
             return
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: ignore[no-untyped-def]
     """Encode a tile's sums into its texels of the atlas; a texel that hit nothing keeps what is there."""
     texels = len(nearest)
@@ -284,10 +286,11 @@ def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: i
                 out_colors[y, x, k - 3] = np.rint(sums[k, x, y] / weight)
 
 
-@nb.njit(cache=True, nogil=True)
-def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums):  # type: ignore[no-untyped-def]
+@nb.njit(**BORROWING)
+def sum_up(nodes, disc_normals, leaves, triangles, node, stack, frame, nearest, sums):  # type: ignore[no-untyped-def]
     """Sum up what lies over a node's disc in the texels of its tile.
 
+    stack : int32 (STACK,) to work in
     frame : float64 (3, 3), is set to the disc's: o1, o2 and its normal in rows
     nearest, sums : float64 (w, w) and (C, w, w), are set to what `_fill_triangle` or `_scatter_surfel` leaves there
     """
@@ -302,7 +305,7 @@ def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums): 
     disc = (at, (u[0], u[1], u[2]), (u[3], u[4], u[5]), (frame[2, 0], frame[2, 1], frame[2, 2]))
     nearest[:] = np.inf if triangles else 0.0
     sums[:] = 0.0
-    if not _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):
+    if not _gather(nodes, leaves, triangles, node, disc, texels, stack, nearest, sums):
         nearest[:] = np.inf if triangles else 0.0
         sums[:] = 0.0
         _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums)
@@ -312,10 +315,10 @@ def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums): 
 def _bake(nodes, disc_normals, leaves, triangles, node, index, texels, normals, colors):  # type: ignore[no-untyped-def]
     """Bake the tile of a node into the atlas, as the tile `index` of it."""
     side = LAYER_SIZE // texels
-    frame = np.empty((3, 3), np.float64)
+    frame, stack = np.empty((3, 3), np.float64), np.empty(STACK, np.int32)
     nearest = np.empty((texels, texels))
     sums = np.empty((7 if len(colors) > 0 else 3, texels, texels))
-    sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums)
+    sum_up(nodes, disc_normals, leaves, triangles, node, stack, frame, nearest, sums)
     layer, row, column = index // side**2, index // side % side * texels, index % side * texels
     tile = normals[layer, row : row + texels, column : column + texels]
     # Without colours the atlas has no layers; any array of its type will do.
