@@ -68,7 +68,13 @@ def _along(vector, axis):  # type: ignore[no-untyped-def]
     return vector[0] * axis[0] + vector[1] * axis[1] + vector[2] * axis[2]
 
 
-@nb.njit(**BORROWING, error_model="numpy")
+@nb.njit(cache=True, nogil=True, inline="always")
+def _vertex_normal(normals, vertex):  # type: ignore[no-untyped-def]
+    return np.float64(normals[vertex, 0]), np.float64(normals[vertex, 1]), np.float64(normals[vertex, 2])
+
+
+# Inlined, as most triangles cover no more than a few texels: handing over what it takes is a third of its work.
+@nb.njit(**BORROWING, error_model="numpy", inline="always")
 def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, height, sums):  # type: ignore[no-untyped-def]
     """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
 
@@ -80,15 +86,22 @@ def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, heigh
     """
     (ax, bx, cx), (ay, by, cy), (a, b, c) = x_of, y_of, vertices
     left, right, low, high = box
+    # Read once: for all that the compiler knows, what is written below might overlap them.
+    of_a, of_b, of_c = _vertex_normal(normals, a), _vertex_normal(normals, b), _vertex_normal(normals, c)
     slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
     for x in range(left, right + 1):
+        met = False
         for y in range(low, high + 1):
             wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
             wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
             # Each from its own edge, which has exactly the opposite in the triangle beyond: no texel falls between.
             wc = (ax - x) * (by - y) - (ay - y) * (bx - x)
             if wa < slack or wb < slack or wc < slack:
+                # A triangle takes one piece of a column.
+                if met:
+                    break
                 continue
+            met = True
             # Seen edge-on the slack is as large as the area: what is interpolated must stay within the triangle.
             wa, wb, wc = max(wa, 0.0), max(wb, 0.0), max(wc, 0.0)
             total = wa + wb + wc
@@ -99,7 +112,7 @@ def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, heigh
             if h < height[x, y]:
                 height[x, y] = h
                 for k in range(3):
-                    sums[k, x, y] = wa * normals[a, k] + wb * normals[b, k] + wc * normals[c, k]
+                    sums[k, x, y] = wa * of_a[k] + wb * of_b[k] + wc * of_c[k]
                 for k in range(3, len(sums)):
                     sums[k, x, y] = wa * colors[a, k - 3] + wb * colors[b, k - 3] + wc * colors[c, k - 3]
 
@@ -186,7 +199,13 @@ def _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums): 
     return 1 + _scatter_surfel(leaves, leaf, disc, scale, half, nearest, sums)
 
 
-@nb.njit(**BORROWING)
+@nb.njit(**BORROWING, error_model="numpy")
+def _scatter_one(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums):  # type: ignore[no-untyped-def]
+    """Scatter a leaf into a tile where it matters more how long compiling takes."""
+    return _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
+
+
+@nb.njit(**BORROWING, error_model="numpy")
 def _gather(nodes, leaves, triangles, node, disc, texels, stack, nearest, sums):  # type: ignore[no-untyped-def]
     """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile.
 
@@ -237,7 +256,7 @@ def _most_work(me, texels):  # type: ignore[no-untyped-def]
     return BASE_VISITS + VISITS_PER_LEAF * (me["leaf_end"] - me["leaf_begin"]) + LAYERS * texels * texels
 
 
-@nb.njit(**BORROWING)
+@nb.njit(**BORROWING, error_model="numpy")
 def _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # type: ignore[no-untyped-def]
     """Scatter as many leaves into a tile as the work allowed for it is enough for: the node's own, then others nearby.
 
@@ -256,16 +275,16 @@ def _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums):
         step += 1
     for k in range(count):
         leaf = begin + k * step % count
-        work_left -= _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
+        work_left -= _scatter_one(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
         if work_left < 0:
             return
     leaf_count = np.int64(nodes[0]["leaf_end"])
     for k in range(leaf_count):
         before, behind = begin - 1 - k, end + k
         if before >= 0:
-            work_left -= _scatter(leaves, triangles, before, disc, reach, scale, half, nearest, sums)
+            work_left -= _scatter_one(leaves, triangles, before, disc, reach, scale, half, nearest, sums)
         if behind < leaf_count:
-            work_left -= _scatter(leaves, triangles, behind, disc, reach, scale, half, nearest, sums)
+            work_left -= _scatter_one(leaves, triangles, behind, disc, reach, scale, half, nearest, sums)
         if work_left < 0:
             return
 
