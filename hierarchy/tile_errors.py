@@ -11,6 +11,7 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.encoding import BYTE_SCALE
 
 # What a coarser tile may be off anywhere, in radians, and in grey levels of a colour.
@@ -19,7 +20,7 @@ WORST, WORST_COLOR = math.radians(6.0), 24.0
 LEVEL = math.radians(0.25)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _look_up(fitted, side, low, share, lines):  # type: ignore[no-untyped-def]
     """Interpolate a tile of side x side texels along its columns: lines, float32 (C, side or more, w), are set.
 
@@ -35,7 +36,7 @@ def _look_up(fitted, side, low, share, lines):  # type: ignore[no-untyped-def]
                 lines[k, j, y] = upper + share[y] * (lower - upper)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _normals_off(lines, low, share, units, off):  # type: ignore[no-untyped-def]
     """Set off, float32 (w^2,), to the squares by which normals that are looked up differ, in radians."""
     texels = len(low)
@@ -53,7 +54,7 @@ def _normals_off(lines, low, share, units, off):  # type: ignore[no-untyped-def]
             off[i] = dx * dx + dy * dy + dz * dz
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _colors_off(lines, low, share, values, own, off):  # type: ignore[no-untyped-def]
     """Set off, float32 (w^2,), to the squares by which colours that are looked up differ, in grey levels.
 
@@ -76,7 +77,7 @@ def _colors_off(lines, low, share, values, own, off):  # type: ignore[no-untyped
             off[i] = worst
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _sum_off(off, firsts):  # type: ignore[no-untyped-def]
     """Return the sum over the texels of the disc, row by row, the largest, and how many they are."""
     texels = len(firsts)
@@ -89,7 +90,7 @@ def _sum_off(off, firsts):  # type: ignore[no-untyped-def]
     return total, most, count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def error_of_fit(values, units, low, share, firsts, side, fitted, own, lines, off):  # type: ignore[no-untyped-def]
     """Return by how much a coarser tile, looked up as the shader does, differs from a tile.
 

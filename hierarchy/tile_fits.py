@@ -13,9 +13,10 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.encoding import BYTE_SCALE, BYTE_ZERO
 from hierarchy.tile_errors import error_of_fit
-from hierarchy.tile_kernels import sum_up
+from hierarchy.tile_kernels import STACK, sum_up
 
 # What rounding to bytes alone makes a tile differ from the normals baked, in radians.
 ROUNDING = math.radians(0.15)
@@ -32,7 +33,7 @@ WIDE = 16
 # be told to do so.
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _encode(nearest, sums, frame, triangles, values, units):  # type: ignore[no-untyped-def]
     """Turn sums into what the texels store, not yet rounded, and unit normals.
 
@@ -63,7 +64,7 @@ def _encode(nearest, sums, frame, triangles, values, units):  # type: ignore[no-
             values[k, i] = sums[k + 1, i] / weight if hit else 0.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _fit(values, low, share, firsts, inverse, side, lines, sums, fitted):  # type: ignore[no-untyped-def]
     """Fit a tile by one of side x side texels: least squares over the texels of the disc.
 
@@ -95,7 +96,7 @@ def _fit(values, low, share, firsts, inverse, side, lines, sums, fitted):  # typ
                 fitted[k, i] += inverse[j * count + i] * value
 
 
-@nb.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+@nb.njit(**BORROWING, fastmath={"nnan", "nsz"})
 def _ends(values, count):  # type: ignore[no-untyped-def]
     """Return the least and the largest of the first values, none of which is no number."""
     low = high = values[0]
@@ -104,7 +105,7 @@ def _ends(values, count):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _spread(values, count, spread):  # type: ignore[no-untyped-def]
     """Set spread, uint8 (4,), to low.x, low.y, width.x and width.y of normals, values (C, N), of which `count` count.
 
@@ -118,7 +119,7 @@ def _spread(values, count, spread):  # type: ignore[no-untyped-def]
         spread[k], spread[2 + k] = np.uint8(first), np.uint8(max(math.ceil(high + BYTE_ZERO) - first, 1))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _round(fitted, count, spread):  # type: ignore[no-untyped-def]
     """Round texels to what their bytes will stand for.
 
@@ -136,7 +137,7 @@ def _round(fitted, count, spread):  # type: ignore[no-untyped-def]
             fitted[k, i] = min(max(np.rint(fitted[k, i]), 0.0), 255.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _store_tile(fitted, side, spread, out):  # type: ignore[no-untyped-def]
     """Store the bytes of a tile that `_round` has rounded, from the front of the arrays on, and its spread."""
     out_normals, out_colors, out_spread = out
@@ -147,10 +148,11 @@ def _store_tile(fitted, side, spread, out):  # type: ignore[no-untyped-def]
     for k in range(2, len(fitted)):
         for i in range(side * side):
             out_colors[4 * i + k - 2] = np.uint8(fitted[k, i])
-    out_spread[:] = spread
+    for k in range(4):
+        out_spread[k] = spread[k]
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _store_whole(values, most, fitted, spread, out):  # type: ignore[no-untyped-def]
     """Store the tile that was baked; fitted, spread : float32 (C, w^2) and uint8 (4,) to work in."""
     for k in range(len(values)):
@@ -166,6 +168,7 @@ def _desk(most, channels):  # type: ignore[no-untyped-def]
     """Return arrays to bake and fit tiles of `most` x `most` texels in, one after the other."""
     texels = most * most
     return (
+        np.empty(STACK, np.int32),  # stack
         np.empty((3, 3), np.float64),  # frame
         np.empty((most, most), np.float64),  # nearest
         np.empty((1 + channels if channels > 2 else 3, most, most), np.float64),  # sums
@@ -179,7 +182,7 @@ def _desk(most, channels):  # type: ignore[no-untyped-def]
     )
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyped-def]
     """Bake a node's tile with as few texels as will do; return how many along one side, 0 where its own normal will.
 
@@ -190,9 +193,9 @@ def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyp
     """
     nodes, disc_normals, leaves, triangles, own_colors = model
     sides, lows, shares, all_firsts, inverses, begins = tables
-    frame, nearest, sums, values, units, fitted, lines, off, spread, own = desk
+    stack, frame, nearest, sums, values, units, fitted, lines, off, spread, own = desk
     channels, texels = len(values), most * most
-    sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums)
+    sum_up(nodes, disc_normals, leaves, triangles, node, stack, frame, nearest, sums)
     _encode(nearest.reshape(texels), sums.reshape((len(sums), texels)), frame, triangles, values, units)
     if most == 1:
         _store_whole(values, most, fitted, spread, out)
@@ -205,7 +208,8 @@ def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyp
         size += 1
     firsts = all_firsts[size, :most]
     _spread(values, texels, spread)
-    out[2][:] = spread
+    for k in range(4):
+        out[2][k] = spread[k]
     # What a radian is worth, in texels: that of a splat as wide as its texels may be, or wider where w_s limits them.
     wide = max(most, WIDE) if most == sides[-1] else most
     worth = (wide - 1) ** 2 / PRICE / (1 if channels == 2 else 3)
@@ -246,7 +250,7 @@ def fit_tiles(nodes, disc_normals, leaves, triangles, own_colors, wanted, most, 
     channels = 6 if len(colors) > 0 else 2
     desk = _desk(most[0] if len(most) > 0 else 1, channels)
     for i in range(len(wanted)):
-        if len(desk[1]) != most[i]:
+        if len(desk[2]) != most[i]:
             desk = _desk(most[i], channels)
         out = (normals[i], colors[i] if len(colors) > 0 else normals[0, :0], rest[0][i])
         rest[1][i] = _bake_fitted(model, wanted[i], most[i], tables, desk, out)

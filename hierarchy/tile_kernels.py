@@ -20,6 +20,7 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.encoding import encode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.kernel import gaussian
@@ -32,6 +33,8 @@ LAYER_SIZE = 1024
 BASE_VISITS = 1024
 VISITS_PER_LEAF = 16
 LAYERS = 24
+# Nodes that a traversal can have before it at a time: a path down the tree is at most 74 nodes long (octree.py).
+STACK = 128
 # Slack of the inside test, relative to the triangle: a texel on an edge must not fall between two triangles.
 EDGE_SLACK = 1e-9
 
@@ -65,7 +68,13 @@ def _along(vector, axis):  # type: ignore[no-untyped-def]
     return vector[0] * axis[0] + vector[1] * axis[1] + vector[2] * axis[2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(cache=True, nogil=True, inline="always")
+def _vertex_normal(normals, vertex):  # type: ignore[no-untyped-def]
+    return np.float64(normals[vertex, 0]), np.float64(normals[vertex, 1]), np.float64(normals[vertex, 2])
+
+
+# Inlined, as most triangles cover no more than a few texels: handing over what it takes is a third of its work.
+@nb.njit(**BORROWING, error_model="numpy", inline="always")
 def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, height, sums):  # type: ignore[no-untyped-def]
     """Write a triangle's interpolated normal to the texels where it is the nearest to the disc's plane.
 
@@ -77,15 +86,22 @@ def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, heigh
     """
     (ax, bx, cx), (ay, by, cy), (a, b, c) = x_of, y_of, vertices
     left, right, low, high = box
+    # Read once: for all that the compiler knows, what is written below might overlap them.
+    of_a, of_b, of_c = _vertex_normal(normals, a), _vertex_normal(normals, b), _vertex_normal(normals, c)
     slack = -EDGE_SLACK * (abs(area) + abs(ax) + abs(ay) + abs(bx) + abs(by) + abs(cx) + abs(cy))
     for x in range(left, right + 1):
+        met = False
         for y in range(low, high + 1):
             wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
             wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
             # Each from its own edge, which has exactly the opposite in the triangle beyond: no texel falls between.
             wc = (ax - x) * (by - y) - (ay - y) * (bx - x)
             if wa < slack or wb < slack or wc < slack:
+                # A triangle takes one piece of a column.
+                if met:
+                    break
                 continue
+            met = True
             # Seen edge-on the slack is as large as the area: what is interpolated must stay within the triangle.
             wa, wb, wc = max(wa, 0.0), max(wb, 0.0), max(wc, 0.0)
             total = wa + wb + wc
@@ -96,7 +112,7 @@ def _fill_triangle(x_of, y_of, h_of, box, area, vertices, normals, colors, heigh
             if h < height[x, y]:
                 height[x, y] = h
                 for k in range(3):
-                    sums[k, x, y] = wa * normals[a, k] + wb * normals[b, k] + wc * normals[c, k]
+                    sums[k, x, y] = wa * of_a[k] + wb * of_b[k] + wc * of_c[k]
                 for k in range(3, len(sums)):
                     sums[k, x, y] = wa * colors[a, k - 3] + wb * colors[b, k - 3] + wc * colors[c, k - 3]
 
@@ -128,7 +144,7 @@ def _scatter_triangle(leaves, leaf, disc, scale, half, height, sums):  # type: i
     return (high + 1 - low) * (right + 1 - left)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@nb.njit(**BORROWING, error_model="numpy")
 def _scatter_surfel(leaves, leaf, disc, scale, half, weights, sums):  # type: ignore[no-untyped-def]
     """Add a base surfel's weighted normal to the texels whose lines hit its disc (Algorithm 1, eq. 13-14).
 
@@ -183,10 +199,17 @@ def _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums): 
     return 1 + _scatter_surfel(leaves, leaf, disc, scale, half, nearest, sums)
 
 
-@nb.njit(cache=True, nogil=True)
-def _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # type: ignore[no-untyped-def]
+@nb.njit(**BORROWING, error_model="numpy")
+def _scatter_one(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums):  # type: ignore[no-untyped-def]
+    """Scatter a leaf into a tile where it matters more how long compiling takes."""
+    return _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
+
+
+@nb.njit(**BORROWING, error_model="numpy")
+def _gather(nodes, leaves, triangles, node, disc, texels, stack, nearest, sums):  # type: ignore[no-untyped-def]
     """Traverse from the root to every leaf whose sphere meets the node's and scatter it into the tile.
 
+    stack : int32 (STACK,) to work in
     Returns whether the work allowed for a tile was enough for it.
     """
     me = nodes[node]
@@ -195,8 +218,6 @@ def _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # typ
     half = 0.5 * (texels - 1)
     scale = _scale(me, texels)
     work_left = _most_work(me, texels)
-    # A path down the tree is at most 74 nodes long (octree.py).
-    stack = np.empty(128, np.int32)
     stack[0] = 0
     top = 1
     while top > 0:
@@ -235,7 +256,7 @@ def _most_work(me, texels):  # type: ignore[no-untyped-def]
     return BASE_VISITS + VISITS_PER_LEAF * (me["leaf_end"] - me["leaf_begin"]) + LAYERS * texels * texels
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING, error_model="numpy")
 def _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums):  # type: ignore[no-untyped-def]
     """Scatter as many leaves into a tile as the work allowed for it is enough for: the node's own, then others nearby.
 
@@ -254,21 +275,21 @@ def _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums):
         step += 1
     for k in range(count):
         leaf = begin + k * step % count
-        work_left -= _scatter(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
+        work_left -= _scatter_one(leaves, triangles, leaf, disc, reach, scale, half, nearest, sums)
         if work_left < 0:
             return
     leaf_count = np.int64(nodes[0]["leaf_end"])
     for k in range(leaf_count):
         before, behind = begin - 1 - k, end + k
         if before >= 0:
-            work_left -= _scatter(leaves, triangles, before, disc, reach, scale, half, nearest, sums)
+            work_left -= _scatter_one(leaves, triangles, before, disc, reach, scale, half, nearest, sums)
         if behind < leaf_count:
-            work_left -= _scatter(leaves, triangles, behind, disc, reach, scale, half, nearest, sums)
+            work_left -= _scatter_one(leaves, triangles, behind, disc, reach, scale, half, nearest, sums)
         if work_left < 0:
             return
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(**BORROWING)
 def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: ignore[no-untyped-def]
     """Encode a tile's sums into its texels of the atlas; a texel that hit nothing keeps what is there."""
     texels = len(nearest)
@@ -284,10 +305,11 @@ def _store(nearest, sums, frame, triangles, out_normals, out_colors):  # type: i
                 out_colors[y, x, k - 3] = np.rint(sums[k, x, y] / weight)
 
 
-@nb.njit(cache=True, nogil=True)
-def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums):  # type: ignore[no-untyped-def]
+@nb.njit(**BORROWING)
+def sum_up(nodes, disc_normals, leaves, triangles, node, stack, frame, nearest, sums):  # type: ignore[no-untyped-def]
     """Sum up what lies over a node's disc in the texels of its tile.
 
+    stack : int32 (STACK,) to work in
     frame : float64 (3, 3), is set to the disc's: o1, o2 and its normal in rows
     nearest, sums : float64 (w, w) and (C, w, w), are set to what `_fill_triangle` or `_scatter_surfel` leaves there
     """
@@ -302,7 +324,7 @@ def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums): 
     disc = (at, (u[0], u[1], u[2]), (u[3], u[4], u[5]), (frame[2, 0], frame[2, 1], frame[2, 2]))
     nearest[:] = np.inf if triangles else 0.0
     sums[:] = 0.0
-    if not _gather(nodes, leaves, triangles, node, disc, texels, nearest, sums):
+    if not _gather(nodes, leaves, triangles, node, disc, texels, stack, nearest, sums):
         nearest[:] = np.inf if triangles else 0.0
         sums[:] = 0.0
         _gather_sample(nodes, leaves, triangles, node, disc, texels, nearest, sums)
@@ -312,10 +334,10 @@ def sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums): 
 def _bake(nodes, disc_normals, leaves, triangles, node, index, texels, normals, colors):  # type: ignore[no-untyped-def]
     """Bake the tile of a node into the atlas, as the tile `index` of it."""
     side = LAYER_SIZE // texels
-    frame = np.empty((3, 3), np.float64)
+    frame, stack = np.empty((3, 3), np.float64), np.empty(STACK, np.int32)
     nearest = np.empty((texels, texels))
     sums = np.empty((7 if len(colors) > 0 else 3, texels, texels))
-    sum_up(nodes, disc_normals, leaves, triangles, node, frame, nearest, sums)
+    sum_up(nodes, disc_normals, leaves, triangles, node, stack, frame, nearest, sums)
     layer, row, column = index // side**2, index // side % side * texels, index % side * texels
     tile = normals[layer, row : row + texels, column : column + texels]
     # Without colours the atlas has no layers; any array of its type will do.
