@@ -96,6 +96,13 @@ class Scene:
     build_s: float
     provenance: Provenance = field(default_factory=lambda: Provenance(None))
 
+    @property
+    def is_mesh(self) -> bool:
+        """Its hierarchy's leaves are triangles."""
+        from hierarchy.leaves import Triangles
+
+        return isinstance(self.hierarchy.leaves, Triangles)
+
 
 def open_scene(
     source: ModelSource,

@@ -23,24 +23,28 @@ class Steering:
 
     r_sil, r_inner : pixels, of the next frame
     texels : along one side of the tiles to draw with, 0: none
+    blends : splats that overlap are blended. While a mesh with tiles moves the nearest one shows, which takes one pass
+        instead of two: their tiles differ by half a degree, which nobody sees before the next frame
     """
 
     def __init__(self) -> None:
         self.r_sil = self.r_inner = 0.0
         self.texels = 0
+        self.blends = True
         self._budget = Budget()
         self._follower = Follower()
         self._situation: tuple[Scene | None, OrbitCamera | None, object] = (None, None, None)
         self._changed = -math.inf
         # Texels of the tiles that all splats of the last frame had, 0: not all had any.
         self._tiled = 0
+        self._has_tiles = False
         # What the last frame was drawn of.
         self._drawn: tuple[object, ...] = ()
 
     @property
     def next_change(self) -> float | None:
         """When `update` has to be called even if nothing happens; None: never."""
-        done = self._budget.coarseness == 1.0 and self._follower.is_done
+        done = self._budget.coarseness == 1.0 and self._follower.is_done and self.blends
         return None if self._budget.rests or done else self._changed + REST
 
     def update(
@@ -60,11 +64,13 @@ class Steering:
         self._follower.follow(goal, scene, (camera, size), view, rests=rests, now=now)
         self._budget.controller.set_goal(1e3 / state.frames_per_second if state.hold_rate else None)
         self._budget.update(moved=moved, rests=rests)
+        # Without a tile a splat has one normal: blending is all that makes a surface of it.
+        self.blends = self._budget.rests or not (scene.is_mesh and state.settings.normal_mapping and self._has_tiles)
         self._publish(state)
 
     def drawn(self, state: ViewerState, report: FrameReport, now: float) -> None:
         """Take in that a frame has been drawn with the radii, and what it took."""
-        self._tiled = 0 if report.missing else report.texels
+        self._tiled, self._has_tiles = 0 if report.missing else report.texels, report.texels > 0
         scene, camera, size = self._situation
         drawn = (camera, scene, size, state.settings, state.printed_cone_test)
         moved = not self._drawn or camera is not self._drawn[0]

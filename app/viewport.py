@@ -105,7 +105,7 @@ class Viewport:
         state, steering = viewer.state, viewer.steering
         start = time.perf_counter()
         view = viewer.view(self.size)
-        settings = state.settings
+        settings = replace(state.settings, blending=steering.blends)
         if eye_is_inside(scene.hierarchy, view):
             # Where a closed surface shows nothing but its back.
             settings = replace(settings, two_sided=True)
@@ -190,7 +190,7 @@ class Viewport:
     def _wanted(self, viewer: Viewer) -> tuple[object, ...]:
         """Everything that the picture depends on; equal means that the picture is the same."""
         state, steering = viewer.state, viewer.steering
-        detail = (steering.r_sil, steering.r_inner, steering.texels)
+        detail = (steering.r_sil, steering.r_inner, steering.texels, steering.blends)
         return (viewer.scene, viewer.camera, detail, state.printed_cone_test, state.settings, self.size)
 
     def _framebuffer(self) -> moderngl.Framebuffer:

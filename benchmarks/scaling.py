@@ -8,9 +8,10 @@ An entry of a run file's "scaling":
      "cost": {"select_ms", "visibility_ms", "attributes_ms", "resolve_ms", "frame_ms", "triangles_ms", "yardstick_ms",
               "frame_over_triangles", "frame_over_yardstick", "splats", "triangles", "silhouette", "visited_nodes",
               "bake_s", "tile_bytes", "gpu_bytes", "triangles_gpu_bytes", "peak_memory_mb"},
-     "error": as of a record, against the mesh of that size}
+     "error": as of a record, against the mesh of that size,
+     "moving": {"cost": {"frame_ms", "frame_over_triangles"}, "error"}}
 
-Tiles are those of the view's cut.
+Tiles are those of the view's cut. "moving" is the same without blending, as the window draws a mesh that moves.
 """
 
 from __future__ import annotations

@@ -35,6 +35,8 @@ from renderer.settings import Settings
 # At 4 M triangles r_sil 2, 1.5 and 1.25 displace the outline by 0.29, 0.24 and 0.23 pixels; one perfect sample a pixel
 # displaces it by 0.14.
 R_SIL, R_INNER, TEXELS = 1.25, 24.0, 16
+# How the window draws what rests, and a mesh that moves (app/steering.py).
+STILL, MOVING = Settings(), Settings(blending=False)
 # About as many triangles as Igea has.
 YARDSTICK = 270_000
 # Frames of each kind in a row: the caches are warm for all but the first, as they are in a viewer.
@@ -60,18 +62,18 @@ class Drawn:
         self.bake_s, self.tile_bytes = tiles.seconds, tiles.nbytes
         self._framebuffer = ctx.simple_framebuffer((view.width, view.height))
 
-    def frame(self) -> Frame:
+    def frame(self, settings: Settings = STILL) -> Frame:
         """Draw once and return the arrays."""
-        self.draw({})
+        self.draw({}, settings)
         return self.renderer.read_arrays()
 
-    def draw(self, rows: Rows) -> float:
+    def draw(self, rows: Rows, settings: Settings = STILL) -> float:
         """Select and draw, add the times to the rows and return the whole one in milliseconds."""
         start = time.perf_counter()
         cut = select_cut(self._hierarchy, self._view, R_SIL, R_INNER)
         selected = time.perf_counter()
         with self.renderer.without_stages():
-            self.renderer.draw(cut, self._view, Settings(), self._framebuffer)
+            self.renderer.draw(cut, self._view, settings, self._framebuffer)
             self._ctx.finish()
         note(rows, "frame_ms", start)
         rows.setdefault("select_ms", []).append(1e3 * (selected - start))
@@ -79,7 +81,7 @@ class Drawn:
 
     def draw_stages(self, rows: Rows) -> None:
         """Draw the cut once more and add the times of the stages to the rows."""
-        self.renderer.draw(self.cut, self._view, Settings(), self._framebuffer)
+        self.renderer.draw(self.cut, self._view, STILL, self._framebuffer)
         for stage, milliseconds in self.renderer.timings.items():
             rows.setdefault(f"{stage}_ms", []).append(milliseconds)
 
@@ -115,17 +117,19 @@ def measure_size(size: int, resolution: tuple[int, int], rounds: int, samples: i
     ctx = create_headless_context()
     try:
         drawn = Drawn(ctx, hierarchy, view)
-        frame, reference = drawn.frame(), cast(mesh, view, samples)
-        entry["error"] = measure(frame.normal, frame.depth, frame.coverage, reference).to_dict()
+        reference = cast(mesh, view, samples)
+        for kind, settings in ((entry, STILL), (entry.setdefault("moving", {}), MOVING)):
+            frame = drawn.frame(settings)
+            kind["error"] = measure(frame.normal, frame.depth, frame.coverage, reference).to_dict()
         del frame, reference
-        entry["rounds"], entry["cost"] = _cost(ctx, drawn, mesh, view, rounds)
+        entry["rounds"], entry["cost"], entry["moving"]["cost"] = _cost(ctx, drawn, mesh, view, rounds)
     finally:
         ctx.release()
     return entry
 
 
-def _cost(ctx: moderngl.Context, drawn: Drawn, mesh: Mesh, view: View, rounds: int) -> tuple[int, Json]:
-    """Return the number of rounds and what a frame costs."""
+def _cost(ctx: moderngl.Context, drawn: Drawn, mesh: Mesh, view: View, rounds: int) -> tuple[int, Json, Json]:
+    """Return the number of rounds, what a frame costs, and what one does while the model moves."""
     other = make_surface(YARDSTICK)
     yardstick = Drawn(ctx, build_hierarchy(other), surface_view(other, (view.width, view.height)))
     baseline = TriangleBaseline(ctx, mesh)
@@ -137,9 +141,9 @@ def _cost(ctx: moderngl.Context, drawn: Drawn, mesh: Mesh, view: View, rounds: i
         note(rows, "frame_ms", start)
         return rows["frame_ms"][-1]
 
-    count, times = _in_turn(drawn, yardstick, draw_triangles, rounds)
+    count, times, moving = _in_turn(drawn, yardstick, draw_triangles, rounds)
     cut = drawn.cut
-    return count, times | {
+    costs = times | {
         "splats": cut.splat_count,
         "triangles": cut.triangle_count,
         "silhouette": cut.silhouette_count,
@@ -150,24 +154,32 @@ def _cost(ctx: moderngl.Context, drawn: Drawn, mesh: Mesh, view: View, rounds: i
         "triangles_gpu_bytes": 24 * len(mesh.positions) + 12 * len(mesh.faces),
         "peak_memory_mb": peak_memory_mb(),
     }
+    return count, costs, moving
 
 
-def _in_turn(splats: Drawn, yardstick: Drawn, triangles: Callable[[Rows], float], rounds: int) -> tuple[int, Json]:
-    """Draw all three in turn; return how many rounds counted, and the times."""
+def _in_turn(
+    splats: Drawn, yardstick: Drawn, triangles: Callable[[Rows], float], rounds: int
+) -> tuple[int, Json, Json]:
+    """Draw all four in turn; return how many rounds counted, the times, and those while the model moves."""
     splats.draw({})
+    splats.draw({}, MOVING)
     yardstick.draw({})
     large = triangles({}) > LARGE_MS
     of_splats: Rows = {}
     of_triangles: Rows = {}
     of_yardstick: Rows = {}
+    of_moving: Rows = {}
     over_triangles: list[float] = []
+    moving_over_triangles: list[float] = []
     over_yardstick: list[float] = []
     while len(over_triangles) < rounds:
         mine = statistics.median([splats.draw(of_splats) for _ in range(IN_A_ROW)])
+        moving = statistics.median([splats.draw(of_moving, MOVING) for _ in range(IN_A_ROW)])
         fixed = statistics.median([yardstick.draw(of_yardstick) for _ in range(IN_A_ROW)])
         plain = statistics.median([triangles(of_triangles) for _ in range(1 if large else IN_A_ROW)])
         splats.draw_stages(of_splats)
         over_triangles.append(mine / plain)
+        moving_over_triangles.append(moving / plain)
         over_yardstick.append(mine / fixed)
         if len(over_triangles) >= FEWEST_ROUNDS and sum(of_triangles["frame_ms"]) > BUDGET_MS:
             break
@@ -176,4 +188,8 @@ def _in_turn(splats: Drawn, yardstick: Drawn, triangles: Callable[[Rows], float]
     times["yardstick_ms"] = figures(of_yardstick["frame_ms"])
     times["frame_over_triangles"] = statistics.median(over_triangles)
     times["frame_over_yardstick"] = statistics.median(over_yardstick)
-    return len(over_triangles), times
+    while_moving: Json = {
+        "frame_ms": figures(of_moving["frame_ms"]),
+        "frame_over_triangles": statistics.median(moving_over_triangles),
+    }
+    return len(over_triangles), times, while_moving

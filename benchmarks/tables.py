@@ -125,6 +125,11 @@ def silhouette(run: Run) -> str:
     return table(("displacement, px", "silhouette refined", "one radius", "times fewer"), rows)
 
 
+def _moving(entry: Json) -> str:
+    """Say what a frame takes of the triangles' time while the model moves."""
+    return f"{entry['moving']['cost']['frame_over_triangles']:.3g}" if "moving" in entry else ""
+
+
 def scaling(run: Run) -> str:
     """Return what every size of the growing surface costs, and from where on splats are faster."""
     rows = []
@@ -132,12 +137,12 @@ def scaling(run: Run) -> str:
         c, error = e["cost"], e["error"]
         rows.append(
             (_number(e["triangles"]), _number(c["splats"] + c["triangles"]), f"{c['frame_ms']['median']:.0f}",
-             f"{c['triangles_ms']['median']:.0f}", f"{c['frame_over_triangles']:.3g}",
+             f"{c['triangles_ms']['median']:.0f}", f"{c['frame_over_triangles']:.3g}", _moving(e),
              f"{c['frame_over_yardstick']:.2f}", f"{error['normal_degrees']['mean']:.2f}",
              _optional(error["silhouette"]["mean"], "{:.2f}"), f"{e['build_s']:.1f}",
              f"{e['hierarchy_bytes'] / 1e6:.0f}", f"{e['build_peak_mb']:.0f}", f"{c['peak_memory_mb']:.0f}")
         )  # fmt: skip
-    header = ("triangles", "primitives", "frame ms", "triangles ms", "/ triangles", "/ 0.27 M", "mean error",
+    header = ("triangles", "primitives", "frame ms", "triangles ms", "/ triangles", "moving", "/ 0.27 M", "mean error",
               "outline px", "build s", "hierarchy MB", "build peak MB", "peak MB")  # fmt: skip
     crossing, grown = overtaking(run.scaling), growth(run.scaling)
     said = []

@@ -16,6 +16,7 @@ class FakeScene:
     """Like a scene, equal to none but itself."""
 
     hierarchy = "a model"
+    is_mesh = False
 
 
 class Bounds:
@@ -223,3 +224,28 @@ def test_both_goals_together(bounds):
         session.draw(1.0)
     session.update(REST)
     assert session.radii == (0.5, 8.5)
+
+
+def test_a_mesh_with_tiles_is_blended_at_rest_only():
+    session = Session()
+    session.scene.is_mesh = True
+    session.draw()
+    assert session.steering.blends
+    session.move()
+    assert not session.steering.blends
+    assert session.steering.next_change == pytest.approx(session.now + REST)
+    session.update(REST - 0.01)
+    assert not session.steering.blends
+    session.update(0.02)
+    assert session.steering.blends
+    assert session.steering.next_change is None
+
+
+@pytest.mark.parametrize("lacks", ["tiles", "normal mapping", "triangles"])
+def test_without_tiles_or_triangles_what_moves_is_blended(lacks):
+    session = Session(texels=0 if lacks == "tiles" else 16)
+    session.scene.is_mesh = lacks != "triangles"
+    session.state.settings = replace(session.state.settings, normal_mapping=lacks != "normal mapping")
+    for _ in range(3):
+        session.move()
+        assert session.steering.blends

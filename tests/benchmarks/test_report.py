@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from synthetic_run import synthetic_run
+from synthetic_run import synthetic_error, synthetic_run
 
 from app.errors import OutputError, UsageError
 from benchmarks.report import BLOCKS, NOTHING, fill_in, write_report
@@ -115,6 +115,11 @@ def test_targets_are_met_or_missed_by_the_figures():
     worse = synthetic_run()
     worse.scaling[-1]["cost"]["frame_over_triangles"] = 0.021
     assert [row[3] for row in rows_of(targets(worse)) if "growing" in row[0]] == ["missed"]
+    # What moves has a row of its own.
+    worse.scaling[-1]["moving"] = {"cost": {"frame_over_triangles": 0.019}, "error": synthetic_error(0.7, 0.24)}
+    rows = [row for row in rows_of(targets(worse)) if "growing" in row[0]]
+    assert [("moves" in row[0], row[3]) for row in rows] == [(False, "missed"), (True, "met")]
+    assert "0.019 at 0.70 degrees and 0.24 px" in rows[1][2]
     # As fast, but not at the same error.
     worse = synthetic_run()
     worse.scaling[-1]["error"]["silhouette"]["mean"] = 0.26
