@@ -64,8 +64,10 @@ class Steering:
         self._follower.follow(goal, scene, (camera, size), view, rests=rests, now=now)
         self._budget.controller.set_goal(1e3 / state.frames_per_second if state.hold_rate else None)
         self._budget.update(moved=moved, rests=rests)
-        # Without a tile a splat has one normal: blending is all that makes a surface of it.
-        self.blends = self._budget.rests or not (scene.is_mesh and state.settings.normal_mapping and self._has_tiles)
+        # Without a tile a splat has one normal: blending is all that makes a surface of it. And an error that is
+        # promised of what moves, too, is that of blended splats.
+        smooth = scene.is_mesh and state.settings.normal_mapping and self._has_tiles
+        self.blends = self._budget.rests or not smooth or (state.limit_error and not state.hold_rate)
         self._publish(state)
 
     def drawn(self, state: ViewerState, report: FrameReport, now: float) -> None:

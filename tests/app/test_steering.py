@@ -241,6 +241,15 @@ def test_a_mesh_with_tiles_is_blended_at_rest_only():
     assert session.steering.next_change is None
 
 
+@pytest.mark.parametrize("hold_rate", [True, False])
+def test_an_error_that_is_promised_of_what_moves_is_that_of_blended_splats(bounds, hold_rate):
+    session = Session(limit_error=True, hold_rate=hold_rate)
+    session.scene.is_mesh = True
+    session.draw()
+    session.move()
+    assert session.steering.blends != hold_rate
+
+
 @pytest.mark.parametrize("lacks", ["tiles", "normal mapping", "triangles"])
 def test_without_tiles_or_triangles_what_moves_is_blended(lacks):
     session = Session(texels=0 if lacks == "tiles" else 16)
