@@ -217,7 +217,7 @@ class Viewer:
         else:
             self._frame(scene, resolution)
         # The inside of an open surface shows; a closed one's does not.
-        self.state.settings = replace(self.state.settings, two_sided=not scene.hierarchy.closed)
+        self.state.settings = replace(self.state.settings, two_sided=not scene.content.closed)
         self.scene = scene
 
     def _show_stand_in(self, task: BackgroundTask[Scene], stand_in: Scene, resolution: tuple[int, int]) -> None:
