@@ -105,16 +105,6 @@ void main()
         o1 = axes[0];
         o2 = axes[1];
         plane = axes[2];
-        // Seen edge-on it would stick out by more than what lies below it does: so its rim goes where that ends.
-#ifdef PARALLEL
-        const vec3 along = vec3(0.0, 0.0, -1.0);
-#else
-        vec3 along = normalize(centre);
-#endif
-        vec3 normal = rotation * splat.normal;
-        vec3 inwards = -max(radius - splat.thickness, 0.0) * (normal - dot(normal, along) * along);
-        centre += inwards;
-        splat.centre += inwards * rotation;
     }
 #ifdef VISIBILITY
     float push = epsilon.x * splat.thickness + epsilon.y * max(splat.radius, smallest * pixel);

@@ -62,14 +62,8 @@ def numpy_discs(hierarchy: Hierarchy, tiles: Tiles | None, cut: Cut, view: View,
     depths = -(centres @ view.eye_from_model[2, :3] + view.eye_from_model[2, 3])
     pixels = (1.0 if view.is_parallel else np.maximum(depths, 0.0)) / view.focal_pixels + 0.0 * depths
 
-    drawn_radii = np.maximum(radii + np.where(silhouette, 0.0, GROW * pixels), SMALLEST * pixels)
-    # Below the size of a pixel a disc faces the eye, whole and without a tile, its rim as far out as what is below it;
-    # one without a normal faces the eye, too.
+    # Below the size of a pixel a disc faces the eye, whole and without a tile; so does one without a normal.
     turned = (radii < SMALLEST * pixels) | ((normals**2).sum(axis=1) < 0.5)
-    along = centres - view.eye if not view.is_parallel else np.tile(-view.eye_from_model[2, :3], (len(centres), 1))
-    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-30)
-    across = normals - (normals * along).sum(axis=1, keepdims=True) * along
-    centres = centres - np.where(turned, np.maximum(drawn_radii - thickness, 0.0), 0.0)[:, None] * across
     frames = np.array([tangents(*normal) for normal in normals]).reshape(-1, 6)
     o1, o2, planes = (
         np.where(turned[:, None], axis, usual)
@@ -93,7 +87,7 @@ def numpy_discs(hierarchy: Hierarchy, tiles: Tiles | None, cut: Cut, view: View,
     return Discs(
         centres,
         normals,
-        drawn_radii,
+        np.maximum(radii + np.where(silhouette, 0.0, GROW * pixels), SMALLEST * pixels),
         EPSILON[0] * thickness + EPSILON[1] * np.maximum(radii, SMALLEST * pixels),
         o1,
         o2,
