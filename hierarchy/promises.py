@@ -4,7 +4,7 @@ At a pixel the drawn normal differs from the true one by about what the normals 
 texels, over a part of the pixel itself, or over the distance by which relief, seen at an angle, displaces the lookup in
 the tile (spreads.py). To that come pixels on outlines and edges, where the truth is a mixture and a pixel has one
 sample: a share that falls with the root of the model's area on screen. The outline is displaced by a share of the
-relief of the splats on it, and by that one sample.
+relief of the splats on it, by those that are widened to show in a pixel at all, and by that one sample.
 
 The factors are fitted: they bound the means that were measured on Igea, the meteoroid, the bunny, fandisk and spot,
 from orbit, close up, far away, inside the bounding box and grazing, with r_sil from 1 to 6, r_inner from 4 to 64 and
@@ -37,6 +37,10 @@ MAX_TANGENT = 2.0
 SPREAD_FACTOR, EDGE_DEGREES, LEAST_DEGREES = 1.40, 160.0, 0.02
 # Pixels a pixel of relief on the outline; pixels.
 RELIEF_FACTOR, LEAST_PIXELS = 0.24, 0.20
+# Discs below this radius, pixels, are drawn as large as it (renderer/splat_passes.py) and stick out by it, and since
+# they overlap on the outline they make more of it grow than their share of it. Measured with Igea 10 to 180 pixels high
+# and radii of a pixel or more; below, the outline may grow by 0.7 pixels, whatever is promised.
+SMALLEST, OVERLAP = 0.72, 3.0
 # The mean width of a triangle over the root of its area.
 TRIANGLE_WIDTH = 1.5
 
@@ -56,7 +60,8 @@ def _sum_splats(nodes, records, spreads, splats, silhouette, view, sides, texels
 
     view : eye, direction of the axis, focal length in pixels, whether the view rays are parallel
     sides : texels along one side that smaller tiles may have; what fitting them leaves out is within the factors
-    sums : float64 (1 + W,), pixels and pixels * radians; reliefs : float64 (2,), pixels and pixels^2
+    sums : float64 (1 + W,), pixels and pixels * radians; reliefs : float64 (3,), pixels, pixels^2, and pixels of those
+        that are smaller than SMALLEST
     """
     eye, axis, focal, parallel = view
     for i in range(len(splats)):
@@ -80,6 +85,8 @@ def _sum_splats(nodes, records, spreads, splats, silhouette, view, sides, texels
         if i < silhouette:
             reliefs[0] += 2.0 * radius
             reliefs[1] += 2.0 * radius * relief
+            if radius < SMALLEST:
+                reliefs[2] += 2.0 * radius
         if index >= len(nodes):
             continue
         sine = math.sqrt(1.0 - cosine * cosine)
@@ -116,7 +123,7 @@ def _sum_triangles(positions, indices, silhouette, view, sums, reliefs):  # type
 
 
 def _sums(hierarchy: Hierarchy, view: View, cut: Cut, texels: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    sums, reliefs = np.zeros(1 + len(texels)), np.zeros(2)
+    sums, reliefs = np.zeros(1 + len(texels)), np.zeros(3)
     eye_and_rays = (view.eye, -view.eye_from_model[2, :3], view.focal_pixels, view.is_parallel)
     arrays = (hierarchy.nodes, hierarchy.splats, hierarchy.spreads, cut.splats, cut.silhouette_splats)
     sides = np.array(COARSER, np.int32)
@@ -137,10 +144,13 @@ def promised_errors(
     Returns for each of them the angle between drawn and true normals, degrees, and the displacement of the outline,
     pixels. A cut that draws nothing promises 0 for both.
     """
-    sums, (length, relief) = _sums(hierarchy, view, cut, texels)
+    sums, (length, relief, small) = _sums(hierarchy, view, cut, texels)
     area = float(sums[0])
     if area <= 0.0:
         return (0.0,) * len(texels), 0.0
     least = LEAST_DEGREES + EDGE_DEGREES / math.sqrt(area)
     degrees = tuple(SPREAD_FACTOR * math.degrees(float(spread) / area) + least for spread in sums[1:])
-    return degrees, LEAST_PIXELS + RELIEF_FACTOR * float(relief / length) if length > 0.0 else 0.0
+    if length <= 0.0:
+        return degrees, 0.0
+    widened = SMALLEST * min(OVERLAP * small / length, 1.0)
+    return degrees, float(LEAST_PIXELS + RELIEF_FACTOR * relief / length + widened)
