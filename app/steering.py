@@ -38,6 +38,8 @@ class Steering:
         # Texels of the tiles that all splats of the last frame had, 0: not all had any.
         self._tiled = 0
         self._has_tiles = False
+        # The camera has moved, and has not stood still for a while since.
+        self._moves = False
         # What the last frame was drawn of.
         self._drawn: tuple[object, ...] = ()
 
@@ -67,7 +69,8 @@ class Steering:
         # Without a tile a splat has one normal: blending is all that makes a surface of it. And an error that is
         # promised of what moves, too, is that of blended splats.
         smooth = scene.is_mesh and state.settings.normal_mapping and self._has_tiles
-        self.blends = self._budget.rests or not smooth or (state.limit_error and not state.hold_rate)
+        self._moves = moved or (self._moves and not rests)
+        self.blends = not self._moves or not smooth or (state.limit_error and not state.hold_rate)
         self._publish(state)
 
     def drawn(self, state: ViewerState, report: FrameReport, now: float) -> None:

@@ -230,6 +230,8 @@ def test_a_mesh_with_tiles_is_blended_at_rest_only():
     session = Session()
     session.scene.is_mesh = True
     session.draw()
+    # It has not moved: what has just been opened is blended from the first frame on.
+    session.update()
     assert session.steering.blends
     session.move()
     assert not session.steering.blends
