@@ -23,7 +23,7 @@ MOST_OF_ORDINARY = 3.0
 # Where thousands of large triangles overlap under every disc, every tile takes all the work that it may take, and most
 # of it twice: then a sample is taken instead (normal_tiles.py). Discs that all lie over one another are near the above,
 # too. Proportional to their number, but more than the above.
-MOST_OF_CROWDED = 8.0
+MOST_OF_CROWDED = 12.0
 CROWDED = (
     "a fan around one vertex",
     "coincident triangles",
