@@ -1,8 +1,9 @@
 """How kernels are compiled that only work on the arrays they are given.
 
-numba counts who holds an array, atomically, wherever it is passed on or taken out of a tuple, and threads wait for each
-other's counting: a surface of 4 M triangles is built in 7.8 s on two cores without that, in 8.5 s with it; on one core
-there is no difference. What makes no arrays need not count: whoever calls it holds them for as long.
+numba counts who holds an array, atomically, wherever it is passed on or taken out of a tuple, and threads wait for
+each other's counting: a surface of 4 M triangles was built in 7.8 s on two cores without that, in 8.5 s with it.
+Inside a loop it costs one thread as well: on one core tiles are baked at 1.5 times the rate without. What makes no
+arrays need not count: whoever calls it holds them for as long.
 """
 
 from __future__ import annotations

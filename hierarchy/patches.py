@@ -21,7 +21,7 @@ from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, write_rim
 
 # Leaves that subtrees may have for which leaves are gathered: from the whole, from what the one before has, and so on.
 SIZES = (256, 32)
-# Leaves that can be gathered. Rows of a power of two would all begin in the same lines of the cache.
+# Leaves that can be gathered. No power of two, so that not all rows begin in the same lines of the cache.
 ROOM = 2064
 TOO_MANY = -1
 # Leaves of a node that are looked at one by one, sooner than its children.

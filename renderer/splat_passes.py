@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from hierarchy.kernel import SHARPNESS
+from hierarchy.kernel import SHARPNESS, SMALLEST
 from hierarchy.lod import Cut
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View
@@ -33,9 +33,6 @@ SINK = 0.5
 # less than that in most places where a view from the side would open a crack between them: without, 6 hole pixels a
 # view are left on the meteoroid at r_inner 24.
 GROW = 0.25
-# The least radius in pixels of a disc that faces the eye: it shows in one pixel at least. From the centre of a pixel to
-# its corner it is the root of 1/2; the rest is for the grid of 1/256 pixel that rasterisers place corners on.
-SMALLEST = 0.72
 # The share of its weight that a primitive keeps which faces away from the eye. Where the two sides of a thin sheet lie
 # within epsilon of each other, normals that add up alike would cancel; so the side that faces the eye decides, and
 # where there is none the other is all there is.

@@ -20,7 +20,7 @@ from renderer.allocation import GpuError, Held, allocating
 from renderer.limits import Limits
 from renderer.tile_places import MOST_LAYERS, NO_TILE, layer_of, place_of, row_of, sides_at
 
-# Bytes of graphics memory for tiles where nobody says: a quarter of a million of 16 x 16 texels.
+# Bytes of graphics memory for tiles where nobody says: a quarter of a million of 16 x 16 texels, half in 16 bits.
 DEFAULT_BYTES = 1 << 27
 # What a node has in place of a tile's place: one that was not baked, and one that needs no tile.
 MISSING, NEEDLESS = NO_TILE, NO_TILE - 1

@@ -17,13 +17,13 @@ from hierarchy.boxes import TURN_STEP, TURNS
 from hierarchy.encoding import decode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.hierarchy import Hierarchy
-from hierarchy.kernel import SHARPNESS
+from hierarchy.kernel import SHARPNESS, SMALLEST
 from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import FittedTiles, NormalTiles
 from hierarchy.view import View
 from renderer.frame import Frame
-from renderer.splat_passes import EPSILON, FACING_AWAY, GROW, MARGIN, SINK, SMALLEST
+from renderer.splat_passes import EPSILON, FACING_AWAY, GROW, MARGIN, SINK
 
 # Of the depth, besides what the shift by SHIFT changes.
 DEPTH_RELATIVE = 2e-5

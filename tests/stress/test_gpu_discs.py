@@ -15,10 +15,10 @@ from ledger import Ledger
 from numpy_renderer import Discs, Rays, pixel_rays
 from scan_targets import scan_targets
 
+from hierarchy.kernel import SMALLEST
 from hierarchy.view import View, look_at
 from renderer.renderer import Renderer
 from renderer.settings import Settings
-from renderer.splat_passes import SMALLEST
 
 Amount = Callable[[int, int], int]
 
