@@ -28,7 +28,7 @@ from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
 from hierarchy.near_nodes import LONGEST, boxes_of_discs, hand_down, nodes_with_leaves, reaches
 from hierarchy.patches import DEEPEST, FEW, SIZES, TOO_MANY, gather, measure_patch, patch_room
-from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, approach_rim, within, write_rim
+from hierarchy.under_discs import BORDER, FAR_SIDE, REACH, RIM_POINTS, approach_rim, leaf_is_under, write_rim
 
 # Nodes and leaves that are not the node's own and are looked at for its footprint before subtrees are taken for what
 # bounds them. Most nodes take a tenth of that, but discs that are coarse beside their triangles take more: a surface of
@@ -106,7 +106,7 @@ def _look_at_leaves(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Add those of the leaves [begin, end) that are under a disc to its footprint.
 
-    disc : centre and normal; relief, cap : of the footprint so far
+    disc, radius : centre, normal and radius of the disc; relief, cap : of the footprint so far
     collected : how many rows of the work's vectors are normals beyond the cap
     Returns relief and `collected`.
     """
@@ -116,7 +116,7 @@ def _look_at_leaves(  # type: ignore[no-untyped-def]
         near = 0
         for leaf in range(some, min(some + AT_ONCE, end)):
             dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
-            reach = radius + extents[leaf]
+            reach = REACH * radius + extents[leaf]
             which[near] = leaf
             near += dx * dx + dy * dy + dz * dz <= reach * reach
         found = 0
@@ -131,7 +131,7 @@ def _look_at_leaves(  # type: ignore[no-untyped-def]
             found += (x * nx + y * ny + z * nz >= FAR_SIDE) & (beyond | higher | (not closed))
         for k in range(found):
             leaf = which[k]
-            if not within(positions, indices, centres, extents, leaf, px, py, pz, radius):
+            if not leaf_is_under(positions, indices, centres, extents, leaf, disc, radius):
                 continue
             dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
             relief = max(relief, abs(dx * nx + dy * ny + dz * nz))
@@ -191,7 +191,7 @@ def _footprint(nodes, node, discs, shapes, closed, entries, count, most_visits, 
         first, last = inner["first_child"], inner["first_child"] + inner["child_count"]
         if entry >= 0:
             visits += not own
-            if not own and not reaches(inner, px, py, pz, radius):
+            if not own and not reaches(inner, px, py, pz, REACH * radius):
                 continue
             approaches = not closed and _can_approach(inner, rim, gaps, near)
             if own and (not approaches or own_visits > MOST_OWN_VISITS):

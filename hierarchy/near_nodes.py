@@ -11,6 +11,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
+from hierarchy.under_discs import REACH
 
 # Entries up to which lists are taken apart into finer ones. A disc on a surface has a dozen neighbours of its own size.
 LONG = 64
@@ -42,12 +43,12 @@ def nodes_with_leaves(nodes):  # type: ignore[no-untyped-def]
 
 @nb.njit(cache=True, nogil=True)
 def boxes_of_discs(nodes):  # type: ignore[no-untyped-def]
-    """Return boxes around the spheres of every node's disc and of all discs below it, float32 (M, 6): low, high."""
+    """Return boxes around what may be under every node's disc and of all discs below it, float32 (M, 6): low, high."""
     boxes = np.empty((len(nodes), 6), np.float32)
     for node in range(len(nodes) - 1, -1, -1):
         me = nodes[node]
         # Float32 rounds the ends by no more than that: model space is about one unit large.
-        radius = np.float64(me["radius"]) * (1.0 + ROUNDING) + ROUNDING
+        radius = REACH * np.float64(me["radius"]) + ROUNDING
         first = me["first_child"]
         for axis, middle in enumerate((me["x"], me["y"], me["z"])):
             low, high = np.float32(middle - radius), np.float32(middle + radius)

@@ -3,7 +3,7 @@
 All but two nodes in a hundred lie in subtrees of a hundred leaves. Their discs lie over the same leaves, so that
 looking for those from every node anew, down the tree, takes far longer than the arithmetic. Side by side in rows they
 are compared with a disc many at a time, in single precision and without branches. What is near a smaller subtree is
-gathered from what is near the larger one. Leaves that a rounding error keeps from a disc count as under it.
+gathered from what is near the larger one. What lies about a disc's rim is then measured in double precision.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hierarchy.borrowing import BORROWING
 from hierarchy.cones import EVERYTHING, widened_cosine
 from hierarchy.joined_cones import join_farthest_first
 from hierarchy.near_nodes import meets
-from hierarchy.under_discs import BORDER, FAR_SIDE, RIM_POINTS, write_rim
+from hierarchy.under_discs import BORDER, FAR_SIDE, REACH, RIM_POINTS, point_is_under, write_rim
 
 # Leaves that subtrees may have for which leaves are gathered: from the whole, from what the one before has, and so on.
 SIZES = (256, 32)
@@ -136,12 +136,13 @@ def _narrow(level, count, box, triangles, room):  # type: ignore[no-untyped-def]
 
 @nb.njit(**BORROWING)
 def _flag_under(rows, leaves, count, triangles, disc, begin, end, flags):  # type: ignore[no-untyped-def]
-    """Flag the leaves of a patch under a disc by 1, all others and the disc's own ones, [begin, end), by 0.
+    """Flag the leaves of a patch under a disc by 2, those to be measured by 1, others and its own, [begin, end), by 0.
 
     triangles : bool, literal; disc : centre, radius and normal, float32
     """
     px, py, pz, radius, nx, ny, nz = disc
     far_side, wider = np.float32(FAR_SIDE - ROUNDING), np.float32(1.0 + ROUNDING)
+    sure, reach = radius * np.float32(1.0 - ROUNDING), radius * np.float32(REACH)
     for k in range(count):
         dx, dy, dz = rows[X + k] - px, rows[Y + k] - py, rows[Z + k] - pz
         distance2 = dx * dx + dy * dy + dz * dz
@@ -151,11 +152,21 @@ def _flag_under(rows, leaves, count, triangles, disc, begin, end, flags):  # typ
             cx, cy, cz = rows[CX + k] - px, rows[CY + k] - py, rows[CZ + k] - pz
             a2, b2, c2 = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, cx * cx + cy * cy + cz * cz
             distance2 = min(distance2, a2, b2, c2)
-            reach = radius * wider
         else:
-            reach = (radius + rows[EXTENT + k]) * wider
+            sure = reach = (radius + rows[EXTENT + k]) * wider
         faces = rows[NX + k] * nx + rows[NY + k] * ny + rows[NZ + k] * nz >= far_side
-        flags[k] = (distance2 <= reach * reach) & faces & ((leaves[k] < begin) | (leaves[k] >= end))
+        other = faces & ((leaves[k] < begin) | (leaves[k] >= end))
+        flags[k] = ((distance2 <= sure * sure) & other) + ((distance2 <= reach * reach) & other)
+
+
+@nb.njit(**BORROWING)
+def _triangle_is_under(rows, k, px, py, pz, nx, ny, nz, radius2):  # type: ignore[no-untyped-def]
+    """Tell whether the centre of a triangle of a patch, or one of its corners, is under a disc."""
+    for row in (X, AX, BX, CX):
+        dx, dy, dz = rows[row + k] - px, rows[row + ROOM + k] - py, rows[row + 2 * ROOM + k] - pz
+        if point_is_under(dx, dy, dz, nx, ny, nz, radius2):
+            return True
+    return False
 
 
 @nb.njit(**BORROWING)
@@ -201,16 +212,20 @@ def _footprint(nodes, node, discs, shapes, closed, level, count, room, cap):  # 
     found = 0
     for k in range(count):
         which[found] = k
-        found += flags[k]
+        found += flags[k] > 0
     px, py, pz, radius = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]), np.float64(me["radius"])
     nx, ny, nz = np.float64(normals[node, 0]), np.float64(normals[node, 1]), np.float64(normals[node, 2])
     x, y, z = np.float64(me["axis_x"]), np.float64(me["axis_y"]), np.float64(me["axis_z"])
     norm = math.sqrt(x * x + y * y + z * z)
     cap[0], cap[1], cap[2], cap[3] = x / norm, y / norm, z / norm, me["cone_cos"]
     relief = np.float64(thickness[node])
-    collected = 0
+    collected = under = 0
     for k in range(found):
         i = which[k]
+        if flags[i] == 1 and not _triangle_is_under(rows, i, px, py, pz, nx, ny, nz, radius * radius):
+            continue
+        which[under] = leaves[i]
+        under += 1
         relief = max(relief, abs((rows[X + i] - px) * nx + (rows[Y + i] - py) * ny + (rows[Z + i] - pz) * nz))
         x, y, z = np.float64(rows[NX + i]), np.float64(rows[NY + i]), np.float64(rows[NZ + i])
         # Not of unit length to the last bit: what is all but on the cap's rim is measured.
@@ -222,14 +237,12 @@ def _footprint(nodes, node, discs, shapes, closed, level, count, room, cap):  # 
     join_farthest_first(cap, vectors[:collected])
     if not closed:
         # Its own leaves may be near the rim, too.
-        for k in range(found):
-            which[k] = leaves[which[k]]
         for leaf in range(begin, end):
-            which[found] = leaf
-            found += 1
+            which[under] = leaf
+            under += 1
         near = BORDER * radius
         write_rim(px, py, pz, radius, nx, ny, nz, rim)
-        overhang = min(_overhang(centres, extents, which, found, rim, near), radius)
+        overhang = min(_overhang(centres, extents, which, under, rim, near), radius)
         if overhang > near:
             cap[3] = EVERYTHING
             relief = max(relief, overhang)

@@ -18,23 +18,40 @@ _COSINES = np.cos(2.0 * math.pi / RIM_POINTS * np.arange(RIM_POINTS))
 _SINES = np.sin(2.0 * math.pi / RIM_POINTS * np.arange(RIM_POINTS))
 # A rim farther from all surface than this share of the radius overhangs a border.
 BORDER = 0.15
+# Two or three of a disc's own corners lie on its rim, and the neighbours that share them are as far from its centre as it
+# reaches, but for their heights: rounding would decide. So those on the rim, to within RIM, that are no higher than
+# FLAT, in radii, lie under the disc. With the distance alone one node in a thousand differed between a model and the
+# same at another scale; Igea costs 0.6% more primitives by this.
+RIM, FLAT = 1.0 + 1e-4, 0.01
+# Nothing under a disc is farther from its centre, in radii.
+REACH = 1.0 + 2e-4
 
 
 @nb.njit(**BORROWING)
-def within(positions, indices, centres, extents, leaf, x, y, z, radius):  # type: ignore[no-untyped-def]
-    """Tell whether a leaf's centre or one of its corners (surfel: its rim) is within a radius of a point."""
-    dx, dy, dz = np.float64(centres[leaf, 0]) - x, np.float64(centres[leaf, 1]) - y, np.float64(centres[leaf, 2]) - z
+def point_is_under(dx, dy, dz, nx, ny, nz, radius2):  # type: ignore[no-untyped-def]
+    """Tell whether a point is under a disc: in the sphere around it, or flat on its rim."""
     distance2 = dx * dx + dy * dy + dz * dz
-    if distance2 <= radius * radius:
-        return True
-    if distance2 > (radius + extents[leaf]) ** 2:
-        return False
+    height2 = (dx * nx + dy * ny + dz * nz) ** 2
+    return (distance2 <= radius2) | ((distance2 - height2 <= RIM**2 * radius2) & (height2 <= FLAT**2 * radius2))
+
+
+@nb.njit(**BORROWING)
+def leaf_is_under(positions, indices, centres, extents, leaf, disc, radius):  # type: ignore[no-untyped-def]
+    """Tell whether a leaf's centre or one of its corners is under a disc; of a surfel, its bounding sphere.
+
+    disc : centre and unit normal
+    """
+    px, py, pz, nx, ny, nz = disc
+    dx, dy, dz = centres[leaf, 0] - px, centres[leaf, 1] - py, centres[leaf, 2] - pz
     if len(indices) == 0:
+        return dx * dx + dy * dy + dz * dz <= (radius + extents[leaf]) ** 2
+    radius2 = radius * radius
+    if point_is_under(dx, dy, dz, nx, ny, nz, radius2):
         return True
     for k in range(3):
         v = indices[leaf, k]
-        dx, dy, dz = positions[v, 0] - x, positions[v, 1] - y, positions[v, 2] - z
-        if dx * dx + dy * dy + dz * dz <= radius * radius:
+        dx, dy, dz = positions[v, 0] - px, positions[v, 1] - py, positions[v, 2] - pz
+        if point_is_under(dx, dy, dz, nx, ny, nz, radius2):
             return True
     return False
 
