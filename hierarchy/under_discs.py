@@ -18,8 +18,8 @@ _COSINES = np.cos(2.0 * math.pi / RIM_POINTS * np.arange(RIM_POINTS))
 _SINES = np.sin(2.0 * math.pi / RIM_POINTS * np.arange(RIM_POINTS))
 # A rim farther from all surface than this share of the radius overhangs a border.
 BORDER = 0.15
-# Two or three of a disc's own corners lie on its rim, and the neighbours that share them are as far from its centre as it
-# reaches, but for their heights: rounding would decide. So those on the rim, to within RIM, that are no higher than
+# Two or three of a disc's own corners lie on its rim, and the neighbours that share them are as far from its centre as
+# it reaches, but for their heights: rounding would decide. So those on the rim, to within RIM, that are no higher than
 # FLAT, in radii, lie under the disc. With the distance alone one node in a thousand differed between a model and the
 # same at another scale; Igea costs 0.6% more primitives by this.
 RIM, FLAT = 1.0 + 1e-4, 0.01
