@@ -26,7 +26,7 @@ def at_once(work: Callable[[T], R], pieces: Iterable[T]) -> list[R]:
         for k in left:
             results[k] = work(every[k])
 
-    helpers = min(os.cpu_count() or 1, len(every)) - 1
+    helpers = min(_cores(), len(every)) - 1
     others = [_pool().submit(take) for _ in range(helpers)]
     try:
         take()
@@ -38,6 +38,12 @@ def at_once(work: Callable[[T], R], pieces: Iterable[T]) -> list[R]:
 
 
 @cache
+def _cores() -> int:
+    """Return how many threads may run at once. Asking the system takes as long as selecting 300 nodes."""
+    return os.cpu_count() or 1
+
+
+@cache
 def _pool() -> ThreadPoolExecutor:
     """Return the threads, which are started when first needed, and then wait."""
-    return ThreadPoolExecutor(max(os.cpu_count() or 1, 1), thread_name_prefix="surfelscope-piece")
+    return ThreadPoolExecutor(_cores(), thread_name_prefix="surfelscope-piece")

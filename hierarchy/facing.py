@@ -6,8 +6,6 @@ angle that the sphere around what has the normals subtends.
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
 import numpy as np
 
@@ -31,19 +29,17 @@ def classify_cone(facing, distance2, sphere, cone_sin, cone_cos):  # type: ignor
     sphere : radius of the sphere
 
     With sin(gamma) = sphere / distance, all face away where the axis is within 90 - beta - gamma degrees of the
-    line of sight; multiplied by the distance no division is left.
+    line of sight, so that facing >= sin(beta) tangent + cos(beta) sphere, the tangent from the eye to the sphere.
+    Multiplied by the distance no division is left, and squared no root: roots were a tenth of a selection's time.
     """
-    if cone_cos == EVERYTHING or distance2 <= sphere * sphere:
-        return SILHOUETTE
-    tangent = math.sqrt(distance2 - sphere * sphere)
-    if cone_cos * tangent <= cone_sin * sphere:
-        return SILHOUETTE
-    limit = cone_sin * tangent + cone_cos * sphere
-    if CERTAIN * facing >= limit:
-        return BACK
-    if CERTAIN * facing <= -limit:
-        return FRONT
-    return SILHOUETTE
+    tangent2 = distance2 - sphere * sphere
+    beyond = CERTAIN * abs(facing) - cone_cos * sphere
+    # Without branches: none could be foreseen.
+    outside = (cone_cos > 0.0) & (tangent2 > 0.0)
+    narrow = cone_cos * cone_cos * tangent2 > cone_sin * cone_sin * sphere * sphere
+    one_side = (beyond >= 0.0) & (beyond * beyond >= cone_sin * cone_sin * tangent2)
+    side = BACK if facing >= 0.0 else FRONT
+    return side if outside & narrow & one_side else SILHOUETTE
 
 
 @nb.njit(cache=True, nogil=True, inline="always")

@@ -125,7 +125,7 @@ def select_cut(
     found, waiting, visited = traverse(*arguments, root, ENOUGH)
     parts = [found]
     if len(waiting):
-        starts = np.array_split(waiting, PARTS)
+        starts = [waiting[k * len(waiting) // PARTS : (k + 1) * len(waiting) // PARTS] for k in range(PARTS)]
         for found, _, more in at_once(lambda start: traverse(*arguments, start, NO_END), starts):
             parts.append(found)
             visited += more
