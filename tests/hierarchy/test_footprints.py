@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from small_models import box, bumpy_sphere, cloud_of, grid, icosphere, mesh_of, surfel_sphere, terrain, thin_sheet
 
+from hierarchy.assemble import assemble_mesh
 from hierarchy.build import build_hierarchy
 from hierarchy.cones import EVERYTHING, balls_of_chunks, bounding_cap, unit_vectors
 from hierarchy.footprints import BORDER, FAR_SIDE, RIM_POINTS
 from hierarchy.frames import tangents
 from hierarchy.leaves import sort_surfels, sort_triangles
 from hierarchy.model import Mesh
+from hierarchy.part import Part
 
 MODELS = {
     "icosphere": lambda: icosphere(4),
@@ -137,6 +139,17 @@ def test_footprints_are_never_narrower_than_their_nodes(name):
     squares = nodes["print_sin"].astype(float) ** 2 + nodes["print_cos"].astype(float) ** 2
     np.testing.assert_allclose(squares, 1.0, atol=1e-6)
     assert not nodes["print_sin"][nodes["print_cos"] == EVERYTHING].any()
+
+
+@pytest.mark.parametrize("scale", [1e-3, 0.7, 3.0, 1e3])
+def test_corners_on_a_rim_are_under_a_disc_or_not_whatever_the_scale(scale):
+    """As far from the centre as the disc reaches, they were on either side of it by rounding."""
+    mesh = bumpy_sphere(12)
+    parts = [Part(mesh.positions * np.float64(each), mesh.faces.astype(np.int64)) for each in (1.0, scale)]
+    one, other = (build_hierarchy(assemble_mesh("bumpy sphere", [part], [])) for part in parts)
+    ratio = float(one.nodes["radius"][0] / other.nodes["radius"][0])
+    np.testing.assert_allclose(other.nodes["relief"] * ratio, one.nodes["relief"], rtol=1e-4)
+    np.testing.assert_allclose(other.nodes["print_cos"], one.nodes["print_cos"], atol=1e-4)
 
 
 def test_a_border_is_silhouette_and_the_inside_is_not():
