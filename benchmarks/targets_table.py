@@ -15,9 +15,9 @@ IGEA, BUNNY = "igea.ply", "stanford-bunny.obj"
 DEGREES, PIXELS = 0.8, 0.25
 # The share of the plain triangles' time that a frame may take, of Igea and of the growing surface at some sizes.
 IGEA_SHARE = 0.6
-# How the window draws what rests, and a mesh that moves (app/steering.py).
-STILL, MOVING = "surfelscope", "not blended"
 SIZES = {4_000_000: 0.08, 17_000_000: 0.02}
+# The methods by which the window draws what rests, and a mesh that moves (app/steering.py).
+STILL, MOVING = "surfelscope", "not blended"
 
 Row = tuple[str, str, str, str]
 

@@ -38,9 +38,9 @@ MAX_TANGENT = 2.0
 SPREAD_FACTOR, EDGE_DEGREES, LEAST_DEGREES = 1.40, 160.0, 0.02
 # Pixels a pixel of relief on the outline; pixels.
 RELIEF_FACTOR, LEAST_PIXELS = 0.24, 0.20
-# Discs below SMALLEST are drawn as large as that (renderer/splat_passes.py) and stick out by it, and since
-# they overlap on the outline they make more of it grow than their share of it. Measured with Igea 10 to 180 pixels high
-# and radii of a pixel or more; below, the outline may grow by 0.7 pixels, whatever is promised.
+# Discs below SMALLEST are drawn as large as that (renderer/splat_passes.py) and stick out by it, and since they overlap
+# on the outline they make more of it grow than their share of it. Measured with Igea 10 to 180 pixels high and radii of
+# a pixel or more; below, the outline may grow by 0.7 pixels, whatever is promised.
 OVERLAP = 3.0
 # The mean width of a triangle over the root of its area.
 TRIANGLE_WIDTH = 1.5
