@@ -40,11 +40,12 @@ class InstrumentedRenderer(Renderer):
         variant = self._variant(settings, view, depth=False, tint=False)
         targets = self._targets_for(view, variant)
         self._enter()
+        targets.clear_sums()
+        targets.clear_depth()
         uniforms = self._upload(cut, view, settings)
         if settings.blending:
             draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
         draw = draw_attributes if settings.blending else draw_nearest
-        targets.clear_sums()
         query = self._ctx.query(samples=True)
         with query:
             draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)

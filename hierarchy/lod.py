@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from hierarchy.at_once import at_once
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.model import Float64Array, UInt32Array
+from hierarchy.room import rooms
 from hierarchy.traversal import traverse
 from hierarchy.view import View
 from hierarchy.visible_openings import NO_CAP_IN_VIEW, hidden_backs, screen_rows
@@ -122,18 +124,17 @@ def select_cut(
         (bare_before, caps, screen_rows(view)),
     )
     root = np.array([[0, (1 << len(planes)) - 1]], np.int32)
-    found, waiting, visited = traverse(*arguments, root, ENOUGH)
-    parts = [found]
-    if len(waiting):
-        starts = [waiting[k * len(waiting) // PARTS : (k + 1) * len(waiting) // PARTS] for k in range(PARTS)]
-        for found, _, more in at_once(lambda start: traverse(*arguments, start, NO_END), starts):
-            parts.append(found)
-            visited += more
-    sil_splats, inner_splats, sil_triangles, inner_triangles = zip(*parts, strict=True)
+    first, *others = rooms(1 + PARTS)
+    begun = first.traverse(partial(traverse, *arguments, ENOUGH), root)
+    parts = [begun]
+    if len(begun.waiting):
+        starts = [begun.waiting[k * len(begun.waiting) // PARTS : (k + 1) * len(begun.waiting) // PARTS] for k in range(PARTS)]
+        rest = partial(traverse, *arguments, NO_END)
+        parts += at_once(lambda part: part[0].traverse(rest, part[1]), zip(others, starts, strict=True))
     return Cut(
-        splats=np.concatenate([*sil_splats, *inner_splats]),
-        indices=np.concatenate([*sil_triangles, *inner_triangles]),
-        silhouette_splats=sum(map(len, sil_splats)),
-        silhouette_triangles=sum(map(len, sil_triangles)),
-        visited_nodes=visited,
+        splats=np.concatenate([part.silhouette_splats for part in parts] + [part.inner_splats for part in parts]),
+        indices=np.concatenate([part.silhouette_triangles for part in parts] + [part.inner_triangles for part in parts]),
+        silhouette_splats=sum(len(part.silhouette_splats) for part in parts),
+        silhouette_triangles=sum(len(part.silhouette_triangles) for part in parts),
+        visited_nodes=sum(part.visited for part in parts),
     )

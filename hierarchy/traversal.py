@@ -10,8 +10,10 @@ import math
 import numba as nb
 import numpy as np
 
+from hierarchy.borrowing import BORROWING
 from hierarchy.cones import EVERYTHING
 from hierarchy.facing import BACK, FRONT, SILHOUETTE, classify_cone, classify_cone_printed, faces_away
+from hierarchy.prefetch import prefetch
 from hierarchy.visible_openings import beside_caps
 
 # A silhouette surfel is fine enough where its footprint stays within this share of r_sil of its plane: then it sticks
@@ -32,6 +34,8 @@ PARALLAX, PARALLAX_OF_R_SIL = 2.0, 0.5
 # Radius in pixels up to which a node may be drawn whose normals face all ways, on a surface that shows one side only:
 # the two sides of a thin wall, of which its disc has one and may well have the hidden one.
 BOTH_SIDES = 1.0
+# In place of `Ends`.
+FULL = -1, 0, 0, 0, 0, 0
 # In place of planes that a sphere may reach behind.
 NOT_SEEN = -1
 
@@ -93,12 +97,14 @@ def _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed
     return limit
 
 
-@nb.njit(cache=True, nogil=True)
-def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, openings, start, enough):  # type: ignore[no-untyped-def]
+@nb.njit(**BORROWING)
+def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, openings, enough, splats, drawn, queue, tail):  # type: ignore[no-untyped-def]
     """Traverse breadth-first; what lies on the silhouette fills its array from the front, the rest from the back.
 
-    start : int32 (S, 2), the nodes to begin at, and which planes their parents reach behind
+    Returns `Ends`; FULL where one of the last arrays is (room.py).
+
     enough : end as soon as so many nodes wait, to be the start of others
+    tail : how many nodes wait in `queue` to begin with
     eye4 : the eye, homogeneous
     cull_back : leave out what faces away, but for bare leaves and what lies where the fronts of caps are seen
     openings : how many bare leaves come before each, and what `beside_caps` needs
@@ -108,14 +114,9 @@ def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, o
     any_bare, any_cap = len(bare_before) > 0, len(caps) > 0
     triangles = len(indices) > 0
     count = len(nodes)
-    leaf_total = nodes[0]["leaf_end"]
-    splats = np.empty(count + (0 if triangles else leaf_total), np.uint32)
-    drawn = np.empty((leaf_total if triangles else 0, 3), np.uint32)
     sil_splats, inner_splats = 0, len(splats)
     sil_triangles, inner_triangles = 0, len(drawn)
-    queue = np.empty((count, 2), np.int32)
-    queue[: len(start)] = start
-    head, tail = 0, len(start)
+    head = 0
     while head < tail < head + enough:
         index, planes_left = queue[head]
         head += 1
@@ -146,6 +147,8 @@ def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, o
             pixels = focal / divisor
             limit = _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed, one_sided)
             if node["radius"] * pixels <= limit:
+                if sil_splats == inner_splats:
+                    return FULL
                 if silhouette:
                     splats[sil_splats] = index
                     sil_splats += 1
@@ -154,10 +157,18 @@ def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, o
                     splats[inner_splats] = index
                 continue
         # Refine: queue the children, draw the leaves that hang on the node itself, between its children.
-        last = node["first_child"] + node["child_count"]
+        first, last = node["first_child"], node["first_child"] + node["child_count"]
+        if tail + last - first > len(queue):
+            return FULL
         begin = node["leaf_begin"]
-        for child in range(node["first_child"], last + 1):
-            end = nodes[child]["leaf_begin"] if child < last else node["leaf_end"]
+        for child in range(first, last + 1):
+            end, behind = node["leaf_end"], node["leaf_end"]
+            if child < last:
+                end, behind = nodes[child]["leaf_begin"], nodes[child]["leaf_end"]
+                # By the time that the child is looked at its own children have come from memory.
+                prefetch(nodes, nodes[child]["first_child"])
+                queue[tail, 0], queue[tail, 1] = child, planes_left
+                tail += 1
             for leaf in range(begin, end):
                 if triangles:
                     a, b, c = indices[leaf, 0], indices[leaf, 1], indices[leaf, 2]
@@ -165,6 +176,8 @@ def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, o
                     # None of a node that faces the eye does not.
                     if hides_backs and side != FRONT and not bare and faces_away(positions, a, b, c, eye4):
                         continue
+                    if sil_triangles == inner_triangles:
+                        return FULL
                     if silhouette:
                         slot = sil_triangles
                         sil_triangles += 1
@@ -172,15 +185,14 @@ def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, o
                         inner_triangles -= 1
                         slot = inner_triangles
                     drawn[slot, 0], drawn[slot, 1], drawn[slot, 2] = a, b, c
-                elif silhouette:
+                    continue
+                if sil_splats == inner_splats:
+                    return FULL
+                if silhouette:
                     splats[sil_splats] = count + leaf
                     sil_splats += 1
                 else:
                     inner_splats -= 1
                     splats[inner_splats] = count + leaf
-            if child < last:
-                queue[tail, 0], queue[tail, 1] = child, planes_left
-                tail += 1
-                begin = nodes[child]["leaf_end"]
-    found = (splats[:sil_splats], splats[inner_splats:], drawn[:sil_triangles], drawn[inner_triangles:])
-    return found, queue[head:tail], head
+            begin = behind
+    return head, tail, sil_splats, inner_splats, sil_triangles, inner_triangles

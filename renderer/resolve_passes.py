@@ -74,18 +74,15 @@ class Resolve:
         self._matcaps: dict[str, moderngl.Texture] = {}
         self._spans = ctx.buffer(reserve=8, dynamic=True)
 
-    def erase(self, targets: Targets, spans: Float32Array) -> None:
-        """Set all sums to zero, where they are not, and note where they are going to be drawn.
-
-        spans : of `reached_spans`, with a margin of CRACK_REACH
-        """
+    def erase(self, targets: Targets) -> None:
+        """Set all sums to zero, where they are not; `targets.drawn` is for who draws next to fill in."""
         if targets.drawn is None:
             targets.clear_sums()
         else:
             targets.use_sums()
             uniforms: dict[str, object] = {"picture_size": targets.size, "strip": float(STRIP)}
             self._pass("erase.frag", {"STRIPS"}).render(uniforms, strips=self._bring(targets.drawn))
-        targets.drawn = spans
+        targets.drawn = None
 
     def shade(
         self,

@@ -8,14 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import moderngl
-import numpy as np
 
 from hierarchy.kernel import SHARPNESS, SMALLEST
 from hierarchy.lod import Cut
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View
-from renderer.allocation import allocating
 from renderer.buffers import RECORD_WIDTH, SplatBuffers
+from renderer.context import make_flush
+from renderer.cut_buffers import CORNERS, TRIANGLES_OF_CORNERS, CutBuffers
 from renderer.programs import make_program
 from renderer.settings import Settings
 from renderer.targets import Targets
@@ -40,6 +40,9 @@ FACING_AWAY = 1.0 / 1024.0
 # By how much a splat's rectangle exceeds what lies below it, in pixels and as a share of its thickness: neighbours
 # share an edge, and lie at different heights.
 MARGIN = (0.5, 0.5)
+# Splats are drawn in so many parts, of so many splats: what fills pixels can start with the first while the others'
+# corners are computed, which software renderers do on one core.
+MOST_PARTS, LEAST_PART = 6, 1024
 
 
 @dataclass(frozen=True)
@@ -90,47 +93,6 @@ class Variant:
         return macros
 
 
-class CutBuffers:
-    """The cut of a frame on the GPU, uploaded once for both passes.
-
-    splats : for each splat its number, uint32, the place of its tile, int32, below 0: it has none, and the four bytes
-        of the tile's spread
-    indices : of the leaf triangles' vertices
-    """
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self._ctx = ctx
-        self.splats = ctx.buffer(reserve=12, dynamic=True)
-        self.indices = ctx.buffer(reserve=12, dynamic=True)
-
-    def upload(self, cut: Cut, tiles: TilePages | None) -> None:
-        """Bring a cut to the GPU, with the tiles of its splats where there are any.
-
-        Raises GpuError where there is no room for it.
-        """
-        splats = np.empty((len(cut.splats), 3), np.uint32)
-        splats[:, 0] = cut.splats
-        splats[:, 1:] = 0xFFFFFFFF
-        if tiles is not None:
-            places, splats[:, 2] = tiles.places_of(cut.splats)
-            splats[:, 1] = places.view(np.uint32)
-        for buffer, array in ((self.splats, splats), (self.indices, cut.indices)):
-            if array.nbytes > buffer.size:
-                # Room for half as much again: a cut that grows a little every frame shall not reallocate every frame.
-                with allocating(self._ctx, "a frame's splats"):
-                    buffer.orphan(array.nbytes + array.nbytes // 2)
-            if len(array):
-                buffer.write(np.ascontiguousarray(array))
-
-    @property
-    def nbytes(self) -> int:
-        return int(self.splats.size + self.indices.size)
-
-    def release(self) -> None:
-        self.splats.release()
-        self.indices.release()
-
-
 def set_uniforms(program: moderngl.Program, values: dict[str, object]) -> None:
     """Set those of the values that the program uses."""
     for name, value in values.items():
@@ -153,27 +115,40 @@ class SplatPass:
         self._ctx = ctx
         self.splats = make_program(ctx, "splat.vert", f"splat_{kind}.frag", defines)
         self.triangles = make_program(ctx, "triangle.vert", f"triangle_{kind}.frag", defines)
-        self._sprite = "SPRITE" in defines
+        self._flush = make_flush(ctx)
         has_tile = "in_tile" in self.splats
-        layout = ("1u 1i 4f1" if has_tile else "1u 8x") + ("" if self._sprite else "/i")
         names = ("in_splat", "in_tile", "in_spread") if has_tile else ("in_splat",)
-        self._splat_array = ctx.vertex_array(self.splats, [(cut.splats, layout, *names)])
+        layout = "1u 1i 4f1" if has_tile else "1u 8x"
+        self._sprite = "SPRITE" in defines
+        if self._sprite:
+            # The first corner of each is all that a point needs.
+            layout += f" {12 * (CORNERS - 1)}x"
+        corners = None if self._sprite else cut.corners
+        self._splat_array = ctx.vertex_array(self.splats, [(cut.splats, layout, *names)], index_buffer=corners)
         used = [vertices for vertices in buffers.vertices if vertices[2] in self.triangles]
         self._triangle_array = ctx.vertex_array(self.triangles, used, index_buffer=cut.indices) if used else None
 
     def render(self, cut: Cut, uniforms: dict[str, object]) -> None:
         """Draw the cut with the framebuffer and the state that are current."""
-        if len(cut.splats):
+        count = len(cut.splats)
+        if count:
             set_uniforms(self.splats, uniforms)
-            if self._sprite:
-                self._ctx.enable(moderngl.PROGRAM_POINT_SIZE)
-                self._splat_array.render(moderngl.POINTS, len(cut.splats))
-                self._ctx.disable(moderngl.PROGRAM_POINT_SIZE)
-            else:
-                self._splat_array.render(moderngl.TRIANGLE_STRIP, 4, instances=len(cut.splats))
+            size = max(-(-count // MOST_PARTS), LEAST_PART)
+            for first in range(0, count, size):
+                self._render_splats(first, min(size, count - first))
+                self._flush()
         if len(cut.indices) and self._triangle_array is not None:
             set_uniforms(self.triangles, uniforms)
             self._triangle_array.render(moderngl.TRIANGLES, cut.indices.size)
+
+    def _render_splats(self, first: int, count: int) -> None:
+        if self._sprite:
+            self._ctx.enable(moderngl.PROGRAM_POINT_SIZE)
+            self._splat_array.render(moderngl.POINTS, count, first=first)
+            self._ctx.disable(moderngl.PROGRAM_POINT_SIZE)
+        else:
+            corners = len(TRIANGLES_OF_CORNERS)
+            self._splat_array.render(moderngl.TRIANGLES, corners * count, first=corners * first)
 
     def release(self) -> None:
         self._splat_array.release()
@@ -230,12 +205,11 @@ def pass_uniforms(
 def draw_visibility(
     ctx: moderngl.Context, targets: Targets, visibility: SplatPass, cut: Cut, uniforms: dict[str, object]
 ) -> None:
-    """Fill the depth buffer with the nearest surface, pushed back by epsilon along the view rays."""
+    """Fill the depth buffer, which is clear, with the nearest surface, pushed back by epsilon along the view rays."""
     targets.visibility.use()
     targets.visibility.depth_mask = True
     ctx.enable_only(moderngl.DEPTH_TEST)
     ctx.depth_func = "<="
-    targets.visibility.clear(depth=1.0)
     visibility.render(cut, uniforms)
 
 
@@ -258,11 +232,8 @@ def draw_nearest(
 ) -> None:
     """Write the attributes of the nearest splat or triangle alone, without blending: one pass instead of two.
 
-    The sums are zero before.
+    The sums are zero and the depth buffer is clear before.
     """
-    targets.visibility.use()
-    targets.visibility.depth_mask = True
-    targets.visibility.clear(depth=1.0)
     targets.attributes.use()
     targets.attributes.depth_mask = True
     ctx.enable_only(moderngl.DEPTH_TEST)

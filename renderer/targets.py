@@ -87,6 +87,12 @@ class Targets:
         """Set every sum to zero."""
         self._sums_only.clear()
 
+    def clear_depth(self) -> None:
+        """Set the depth buffer to the far plane."""
+        self.visibility.use()
+        self.visibility.depth_mask = True
+        self.visibility.clear(depth=1.0)
+
     def use_sums(self) -> None:
         """Bind the sums alone, without the depth."""
         self._sums_only.use()

@@ -2,7 +2,8 @@
 //       depth, nothing is lost at the edge of the window, and hardware clips at the near plane.
 //       SPRITE: the papers' own primitive instead, a square of pixels around the projected disc; disc_point.glsl
 //       intersects every pixel's view ray with it.
-// In:   in_splat, in_tile, in_spread, one per instance; gl_VertexID 0..3 is the corner; the records' texture.
+// In:   in_splat, in_tile, in_spread, the same for a splat's four vertices, whose corner is in gl_VertexID's lowest two
+//       bits (SPRITE: one vertex); the records' texture.
 // Out:  v_disc, the point in the disc's frame, its rim the unit circle (SPRITE: what disc_point.glsl needs instead); in
 //       the attribute pass the frame, the tile, and what colours and overlays need.
 // Source: Holst and Schumann 2007, eq. 4-6, 9 and 11; quads in object space after Ren et al. 2002. VISIBILITY pushes the
@@ -83,7 +84,8 @@ void main()
 #ifdef SPRITE
     bool silhouette = gl_VertexID < silhouette_splats;
 #else
-    bool silhouette = gl_InstanceID < silhouette_splats;
+    int corner = gl_VertexID & 3;
+    bool silhouette = (gl_VertexID >> 2) < silhouette_splats;
 #endif
     if (silhouette) splat.centre -= sink * splat.thickness * splat.normal;
     vec3 centre = (eye_from_model * vec4(splat.centre, 1.0)).xyz;
@@ -128,8 +130,8 @@ void main()
     v_clip = gl_Position;
     v_push = push_of_depth;
 #else
-    v_disc = box_corner(splat, gl_VertexID, (margin.x * pixel + margin.y * splat.thickness) / max(splat.radius, 1e-30));
-    if (turned) v_disc = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    v_disc = box_corner(splat, corner, (margin.x * pixel + margin.y * splat.thickness) / max(splat.radius, 1e-30));
+    if (turned) v_disc = vec2(corner & 1, corner >> 1) * 2.0 - 1.0;
     gl_Position = pushed(project(splat.centre + radius * (v_disc.x * o1 + v_disc.y * o2)), push_of_depth);
 #endif
 #if defined(SPRITE) || !defined(VISIBILITY)
@@ -154,7 +156,7 @@ void main()
 #endif
 #ifdef TINT
 #ifndef SPRITE
-    v_edge = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    v_edge = vec2(corner & 1, corner >> 1) * 2.0 - 1.0;
 #endif
     v_tint = vec4(0.0);
     if (show_lod) v_tint = vec4(lod_color(splat.radius / max(pixel, 1e-30)), 0.8);
