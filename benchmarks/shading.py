@@ -20,10 +20,9 @@ from benchmarks.rays import RayCaster, Sample
 from benchmarks.reference import Reference, cast
 from hierarchy.model import BoolArray, Float32Array, Float64Array, Mesh, UInt8Array
 from hierarchy.view import View
-from renderer.programs import GLSL_VERSION, shader_source
+from renderer.programs import GLSL_VERSION, Uniforms, shader_source
 from renderer.resolve_passes import UNITS, shading_uniforms
 from renderer.settings import Settings
-from renderer.splat_passes import set_uniforms
 
 # Role: divide the sums of lit samples and put the background behind them. In: v_uv, sum_light. Out: sRGB colour.
 AVERAGE_SHADER = """
@@ -150,7 +149,7 @@ class PictureShader:
         """Run a program on all pixels at the far plane, and leave moderngl's own state."""
         self._ctx.wireframe = False
         self._ctx.clear_samplers(0, len(UNITS))
-        set_uniforms(program, uniforms | {"plane": 1.0})
+        Uniforms(program).set(uniforms | {"plane": 1.0})
         self._arrays[program].render(moderngl.TRIANGLES, 3)
         self._ctx.enable_only(moderngl.NOTHING)
         self._ctx.depth_func = "<="

@@ -73,8 +73,16 @@ def frustum_planes(view: View) -> Float64Array:
     fx = f * view.height / view.width
     # A side's plane holds the eye or, where the rays are parallel, the axis' direction.
     z, d = (0.0, 1.0) if view.is_parallel else (-1.0, 0.0)
-    eye_planes = np.array([[0, 0, -1, -view.near], [fx, 0, z, d], [-fx, 0, z, d], [0, f, z, d], [0, -f, z, d]])
-    eye_planes /= np.linalg.norm(eye_planes[:, :3], axis=1, keepdims=True)
+    across, up = math.hypot(fx, z), math.hypot(f, z)
+    eye_planes = np.array(
+        [
+            [0.0, 0.0, -1.0, -view.near],
+            [fx / across, 0.0, z / across, d / across],
+            [-fx / across, 0.0, z / across, d / across],
+            [0.0, f / up, z / up, d / up],
+            [0.0, -f / up, z / up, d / up],
+        ]
+    )
     eye_planes[:, :3] = eye_planes[:, :3] @ view.eye_from_model[:3, :3]
     return eye_planes
 
@@ -126,14 +134,16 @@ def select_cut(
     root = np.array([[0, (1 << len(planes)) - 1]], np.int32)
     first, *others = rooms(1 + PARTS)
     begun = first.traverse(partial(traverse, *arguments, ENOUGH), root)
-    parts = [begun]
-    if len(begun.waiting):
-        starts = [begun.waiting[k * len(begun.waiting) // PARTS : (k + 1) * len(begun.waiting) // PARTS] for k in range(PARTS)]
+    parts, waiting = [begun], begun.waiting
+    if len(waiting):
+        starts = [waiting[k * len(waiting) // PARTS : (k + 1) * len(waiting) // PARTS] for k in range(PARTS)]
         rest = partial(traverse, *arguments, NO_END)
         parts += at_once(lambda part: part[0].traverse(rest, part[1]), zip(others, starts, strict=True))
     return Cut(
         splats=np.concatenate([part.silhouette_splats for part in parts] + [part.inner_splats for part in parts]),
-        indices=np.concatenate([part.silhouette_triangles for part in parts] + [part.inner_triangles for part in parts]),
+        indices=np.concatenate(
+            [part.silhouette_triangles for part in parts] + [part.inner_triangles for part in parts]
+        ),
         silhouette_splats=sum(len(part.silhouette_splats) for part in parts),
         silhouette_triangles=sum(len(part.silhouette_triangles) for part in parts),
         visited_nodes=sum(part.visited for part in parts),

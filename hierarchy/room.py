@@ -57,14 +57,14 @@ class Room:
     def traverse(self, kernel: Callable[..., Ends], start: Int32Array) -> Found:
         """Call a kernel with what is in here, until there is room for what it finds; what it returns lies in here.
 
-        kernel : called with splats, drawn, queue and how many nodes wait in that; returns where what it found ends,
-            and less than 0 in the first place where there was not enough room
+        kernel : called with splats, drawn and queue, and how many nodes wait in that; returns where what it found
+            ends, and less than 0 in the first place where there was not enough room
         start : int32 (S, 2), the nodes that wait at first
         """
         while True:
             if len(start) <= len(self.queue):
                 self.queue[: len(start)] = start
-                ends = kernel(self.splats, self.drawn, self.queue, len(start))
+                ends = kernel((self.splats, self.drawn, self.queue), len(start))
                 if ends[0] >= 0:
                     break
             self._make(2 * len(self.splats))

@@ -13,10 +13,13 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut
 from hierarchy.model import Float32Array
+from hierarchy.prefetch import prefetch
 from hierarchy.view import View
 
 # Rows of a strip.
 STRIP = 16
+# Splats of which the next but so many is fetched from memory.
+AHEAD = 8
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -42,6 +45,7 @@ def _spans(splats, drawn, positions, indices, camera, margin, spans):  # type: i
     eye, focal, width, height, near, parallel = camera
     centre_x, centre_y = 0.5 * width, 0.5 * height
     for k in range(len(drawn)):
+        prefetch(splats, drawn[min(k + AHEAD, len(drawn) - 1)])
         splat = splats[drawn[k]]
         p = splat["centre"]
         x = eye[0, 0] * p[0] + eye[0, 1] * p[1] + eye[0, 2] * p[2] + eye[0, 3]

@@ -98,17 +98,19 @@ def _largest_radius(node, pixels, facing, distance2, silhouette, limits, printed
 
 
 @nb.njit(**BORROWING)
-def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, openings, enough, splats, drawn, queue, tail):  # type: ignore[no-untyped-def]
+def traverse(nodes, positions, indices, planes, eye4, view, limits, cull_back, openings, enough, arrays, tail):  # type: ignore[no-untyped-def]
     """Traverse breadth-first; what lies on the silhouette fills its array from the front, the rest from the back.
 
-    Returns `Ends`; FULL where one of the last arrays is (room.py).
+    Returns `Ends` of the arrays; FULL where one of them is (room.py).
 
     enough : end as soon as so many nodes wait, to be the start of others
-    tail : how many nodes wait in `queue` to begin with
+    arrays : splats, drawn and queue of a room
+    tail : how many nodes wait in the queue to begin with
     eye4 : the eye, homogeneous
     cull_back : leave out what faces away, but for bare leaves and what lies where the fronts of caps are seen
     openings : how many bare leaves come before each, and what `beside_caps` needs
     """
+    splats, drawn, queue = arrays
     eye, axis, near, focal, parallel, printed, _, _ = view
     bare_before, caps, screen = openings
     any_bare, any_cap = len(bare_before) > 0, len(caps) > 0

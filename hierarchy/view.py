@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -52,7 +53,7 @@ class View:
         """All view rays have the direction of the axis."""
         return self.parallel_scale is not None
 
-    @property
+    @cached_property
     def eye(self) -> Float64Array:
         """Position of the eye in model space, float64 (3,)."""
         rotation, translation = self.eye_from_model[:3, :3], self.eye_from_model[:3, 3]

@@ -84,9 +84,12 @@ class Pages:
     def bring(self, elements: np.ndarray) -> None:
         """Bring the pages of elements, of any shape, that are not there yet."""
         if self._any_missing:
-            wanted = np.zeros(len(self._missing), bool)
-            wanted[elements.reshape(-1) // self._page] = True
-            self._bring(wanted & self._missing)
+            pages = elements.reshape(-1) // self._page
+            missing = pages[self._missing[pages]]
+            if len(missing):
+                wanted = np.zeros(len(self._missing), bool)
+                wanted[missing] = True
+                self._bring(wanted)
 
     def bring_all(self) -> None:
         """Bring all pages that are not there yet."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import sys
-from collections.abc import Callable
 from typing import Any
 
 import moderngl
@@ -37,13 +35,3 @@ def is_software(ctx: moderngl.Context) -> bool:
     """Tell whether the processor draws."""
     name = str(ctx.info["GL_RENDERER"]).lower()
     return any(renderer in name for renderer in SOFTWARE_RENDERERS)
-
-
-def make_flush(ctx: moderngl.Context) -> Callable[[], None]:
-    """Return what makes OpenGL start on all that it was told, without waiting for it: glFlush, which moderngl lacks.
-
-    Where it cannot be found, a function that does nothing: it is for speed only.
-    """
-    loader = getattr(getattr(ctx.mglo, "_context", None), "load_opengl_function", None)
-    address = loader("glFlush") if loader is not None else 0
-    return ctypes.CFUNCTYPE(None)(address) if address else lambda: None

@@ -12,6 +12,7 @@ from renderer.tile_pages import TilePages
 # The two triangles of a rectangle, by the numbers of its corners: u from bit 0, v from bit 1.
 TRIANGLES_OF_CORNERS = (0, 1, 2, 2, 1, 3)
 CORNERS = 4
+SPLAT_BYTES = 12
 
 
 class CutBuffers:
@@ -23,13 +24,22 @@ class CutBuffers:
     indices : of the leaf triangles' vertices
     """
 
-    # Four vertices a splat take more room than one instance, and less time: processors take 0.25 microseconds for each
-    # draw of four vertices that an instance is to them, and GPUs leave most of a wave of threads idle.
+    # Four vertices a splat take more room than one instance of four, and less time: to a software renderer every
+    # instance is a draw of its own, and a GPU leaves most of a wave of threads idle.
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
-        self.splats = ctx.buffer(reserve=12, dynamic=True)
-        self.corners = ctx.buffer(reserve=12, dynamic=True)
-        self.indices = ctx.buffer(reserve=12, dynamic=True)
+        self.splats = ctx.buffer(reserve=SPLAT_BYTES, dynamic=True)
+        self.corners = ctx.buffer(reserve=SPLAT_BYTES, dynamic=True)
+        self.indices = ctx.buffer(reserve=SPLAT_BYTES, dynamic=True)
+
+    def splat_array(self, program: moderngl.Program, *, sprite: bool) -> moderngl.VertexArray:
+        """Return the vertex array that draws splats with a program whose inputs are those of splat.vert.
+
+        sprite : as points, for which the first corner of each will do
+        """
+        names = [name for name in ("in_splat", "in_tile", "in_spread") if name in program]
+        layout = ("1u 1i 4f1" if len(names) > 1 else "1u 8x") + (f" {SPLAT_BYTES * (CORNERS - 1)}x" if sprite else "")
+        return self._ctx.vertex_array(program, [(self.splats, layout, *names)], None if sprite else self.corners)
 
     def upload(self, cut: Cut, tiles: TilePages | None) -> None:
         """Bring a cut to the GPU, with the tiles of its splats where there are any.
@@ -57,7 +67,7 @@ class CutBuffers:
 
     def _number_corners(self) -> None:
         """Fill `corners` for as many splats as there is room for."""
-        first = np.arange(self.splats.size // (12 * CORNERS), dtype=np.uint32) * CORNERS
+        first = np.arange(self.splats.size // (SPLAT_BYTES * CORNERS), dtype=np.uint32) * CORNERS
         corners = first[:, None] + np.array(TRIANGLES_OF_CORNERS, np.uint32)
         with allocating(self._ctx, "a frame's splats"):
             self.corners.orphan(corners.nbytes)

@@ -14,7 +14,6 @@ from hierarchy.spans import reached_spans
 from hierarchy.view import View
 from renderer.allocation import GpuError
 from renderer.buffers import SplatBuffers
-from renderer.context import make_flush
 from renderer.cut_buffers import CutBuffers
 from renderer.frame import Frame
 from renderer.limits import Limits, probe_limits
@@ -44,7 +43,6 @@ class Renderer:
         self._ctx = ctx
         self.limits = limits or probe_limits(ctx)
         self._timers = StageTimers(ctx)
-        self._flush = make_flush(ctx)
         self._cut_buffers = CutBuffers(ctx)
         self._hierarchy: Hierarchy | None = None
         self._buffers: SplatBuffers | None = None
@@ -131,19 +129,16 @@ class Renderer:
         variant = self._variant(settings, view, depth=False, tint=tint)
         targets = self._targets_for(view, variant)
         self._enter()
-        # What a software renderer has to do by itself is asked for as soon as it can be, so that it does it while this
-        # core prepares what comes next.
-        self._resolve.erase(targets)
-        targets.clear_depth()
-        self._flush()
-        uniforms = self._upload(cut, view, settings)
         with self._timers.stage("visibility"):
+            # A software renderer erases while this core prepares what comes next.
+            self._resolve.erase(targets)
+            targets.clear_depth()
+            uniforms = self._upload(cut, view, settings)
             if settings.blending:
                 draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
         with self._timers.stage("attributes"):
             draw = draw_attributes if settings.blending else draw_nearest
             draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
-            self._flush()
             targets.drawn = spans = reached_spans(self._hierarchy, cut, view, CRACK_REACH)
         with self._timers.stage("resolve"):
             # Looking for it takes a tenth of a second where there are millions of vertices.

@@ -10,9 +10,8 @@ from hierarchy.spans import STRIP
 from hierarchy.view import View
 from renderer.allocation import allocating
 from renderer.matcaps import MATCAPS, make_matcap
-from renderer.programs import make_program
+from renderer.programs import Uniforms, make_program
 from renderer.settings import Settings
-from renderer.splat_passes import set_uniforms
 from renderer.targets import Targets
 
 # Texture units of the sums and of the matcap.
@@ -40,6 +39,7 @@ class PicturePass:
         self._ctx = ctx
         self._in_strips = spans is not None
         self._program = make_program(ctx, "strips.vert" if self._in_strips else "fullscreen.vert", fragment, defines)
+        self._uniforms = Uniforms(self._program)
         self._array = ctx.vertex_array(self._program, [(spans, "2f/i", "in_span")] if spans is not None else [])
 
     def render(
@@ -54,7 +54,7 @@ class PicturePass:
         self._ctx.enable_only(moderngl.NOTHING if depth_func is None else moderngl.DEPTH_TEST)
         if depth_func is not None:
             self._ctx.depth_func = depth_func
-        set_uniforms(self._program, uniforms | {"plane": plane})
+        self._uniforms.set(uniforms | {"plane": plane})
         if self._in_strips:
             self._array.render(moderngl.TRIANGLE_STRIP, 4, instances=strips)
         else:

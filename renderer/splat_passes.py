@@ -14,9 +14,8 @@ from hierarchy.lod import Cut
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View
 from renderer.buffers import RECORD_WIDTH, SplatBuffers
-from renderer.context import make_flush
-from renderer.cut_buffers import CORNERS, TRIANGLES_OF_CORNERS, CutBuffers
-from renderer.programs import make_program
+from renderer.cut_buffers import TRIANGLES_OF_CORNERS, CutBuffers
+from renderer.programs import Uniforms, make_program
 from renderer.settings import Settings
 from renderer.targets import Targets
 from renderer.tile_pages import TilePages
@@ -40,9 +39,6 @@ FACING_AWAY = 1.0 / 1024.0
 # By how much a splat's rectangle exceeds what lies below it, in pixels and as a share of its thickness: neighbours
 # share an edge, and lie at different heights.
 MARGIN = (0.5, 0.5)
-# Splats are drawn in so many parts, of so many splats: what fills pixels can start with the first while the others'
-# corners are computed, which software renderers do on one core.
-MOST_PARTS, LEAST_PART = 6, 1024
 
 
 @dataclass(frozen=True)
@@ -93,13 +89,6 @@ class Variant:
         return macros
 
 
-def set_uniforms(program: moderngl.Program, values: dict[str, object]) -> None:
-    """Set those of the values that the program uses."""
-    for name, value in values.items():
-        if name in program:
-            program[name].value = value  # type: ignore[union-attr]
-
-
 class SplatPass:
     """One of the two passes: a program for splats, one for leaf triangles, and their vertex arrays."""
 
@@ -115,40 +104,25 @@ class SplatPass:
         self._ctx = ctx
         self.splats = make_program(ctx, "splat.vert", f"splat_{kind}.frag", defines)
         self.triangles = make_program(ctx, "triangle.vert", f"triangle_{kind}.frag", defines)
-        self._flush = make_flush(ctx)
-        has_tile = "in_tile" in self.splats
-        names = ("in_splat", "in_tile", "in_spread") if has_tile else ("in_splat",)
-        layout = "1u 1i 4f1" if has_tile else "1u 8x"
+        self._splat_uniforms, self._triangle_uniforms = Uniforms(self.splats), Uniforms(self.triangles)
         self._sprite = "SPRITE" in defines
-        if self._sprite:
-            # The first corner of each is all that a point needs.
-            layout += f" {12 * (CORNERS - 1)}x"
-        corners = None if self._sprite else cut.corners
-        self._splat_array = ctx.vertex_array(self.splats, [(cut.splats, layout, *names)], index_buffer=corners)
+        self._splat_array = cut.splat_array(self.splats, sprite=self._sprite)
         used = [vertices for vertices in buffers.vertices if vertices[2] in self.triangles]
         self._triangle_array = ctx.vertex_array(self.triangles, used, index_buffer=cut.indices) if used else None
 
     def render(self, cut: Cut, uniforms: dict[str, object]) -> None:
         """Draw the cut with the framebuffer and the state that are current."""
-        count = len(cut.splats)
-        if count:
-            set_uniforms(self.splats, uniforms)
-            size = max(-(-count // MOST_PARTS), LEAST_PART)
-            for first in range(0, count, size):
-                self._render_splats(first, min(size, count - first))
-                self._flush()
+        if len(cut.splats):
+            self._splat_uniforms.set(uniforms)
+            if self._sprite:
+                self._ctx.enable(moderngl.PROGRAM_POINT_SIZE)
+                self._splat_array.render(moderngl.POINTS, len(cut.splats))
+                self._ctx.disable(moderngl.PROGRAM_POINT_SIZE)
+            else:
+                self._splat_array.render(moderngl.TRIANGLES, len(TRIANGLES_OF_CORNERS) * len(cut.splats))
         if len(cut.indices) and self._triangle_array is not None:
-            set_uniforms(self.triangles, uniforms)
+            self._triangle_uniforms.set(uniforms)
             self._triangle_array.render(moderngl.TRIANGLES, cut.indices.size)
-
-    def _render_splats(self, first: int, count: int) -> None:
-        if self._sprite:
-            self._ctx.enable(moderngl.PROGRAM_POINT_SIZE)
-            self._splat_array.render(moderngl.POINTS, count, first=first)
-            self._ctx.disable(moderngl.PROGRAM_POINT_SIZE)
-        else:
-            corners = len(TRIANGLES_OF_CORNERS)
-            self._splat_array.render(moderngl.TRIANGLES, corners * count, first=corners * first)
 
     def release(self) -> None:
         self._splat_array.release()

@@ -11,10 +11,11 @@ from hierarchy.hierarchy import SPLAT, Hierarchy
 from hierarchy.leaves import Surfels, Triangles
 from hierarchy.lod import Cut
 from hierarchy.view import View
-from renderer.programs import shader_source
+from renderer.cut_buffers import TRIANGLES_OF_CORNERS
+from renderer.programs import Uniforms, shader_source
 from renderer.renderer import Renderer
 from renderer.settings import Settings
-from renderer.splat_passes import Variant, pass_uniforms, set_uniforms
+from renderer.splat_passes import Variant, pass_uniforms
 
 WHOLE = (-1.0, 1.0, -1.0, 1.0)
 # Texels along a row of the textures that carry arrays.
@@ -40,7 +41,7 @@ def evaluate(
     program = ctx.program(
         f"#version 330 core\n{shader_source('fullscreen.vert')}", f"{source}void main() {{\n{fetch}{body}\n}}"
     )
-    set_uniforms(program, {"plane": 0.0} | {f"values{i}": i for i in range(len(inputs))})
+    Uniforms(program).set({"plane": 0.0} | {f"values{i}": i for i in range(len(inputs))})
     held: list[moderngl.Texture | moderngl.Framebuffer] = []
     for i, values in enumerate(inputs):
         texels = np.zeros((height * _WIDTH, 4), np.float32)
@@ -116,14 +117,14 @@ class Stage:
         """Return the clip coordinates (N, 4, 4) and the disc coordinates (N, 4, 2) of the splats' corners."""
         header = self._header(visibility=visibility, sprite=False)
         program = self.ctx.program(header + shader_source("splat.vert"), varyings=("gl_Position", "v_disc"))
-        set_uniforms(program, self.uniforms)
+        Uniforms(program).set(self.uniforms)
         count = len(self.cut.splats)
         captured = self.ctx.buffer(reserve=count * 4 * 6 * 4)
-        array = self.ctx.vertex_array(program, [(self.cut_buffers.splats, "1u 8x/i", "in_splat")])
+        array = self.ctx.vertex_array(program, [(self.cut_buffers.splats, "1u 8x", "in_splat")])
         # Nothing is drawn, but OpenGL wants a whole framebuffer all the same.
         framebuffer = self.ctx.simple_framebuffer((1, 1))
         framebuffer.use()
-        array.transform(captured, moderngl.POINTS, 4, instances=count)
+        array.transform(captured, moderngl.POINTS, 4 * count)
         self.ctx.detect_framebuffer(0).use()
         values = np.frombuffer(captured.read(), np.float32).reshape(count, 4, 6)
         for each in (array, captured, framebuffer, program):
@@ -152,20 +153,19 @@ class Stage:
             "    result = vec4(point.at, point.distance, 1.0 + float(v_index));\n}\n"
         )
         program = self.ctx.program(header + vertex, header + fragment)
-        set_uniforms(program, self.uniforms)
+        Uniforms(program).set(self.uniforms)
         size = (self.view.width, self.view.height)
         target = self.ctx.texture(size, 4, dtype="f4")
         framebuffer = self.ctx.framebuffer([target])
         framebuffer.use()
         framebuffer.clear()
         self.ctx.enable_only(moderngl.PROGRAM_POINT_SIZE)
-        array = self.ctx.vertex_array(
-            program, [(self.cut_buffers.splats, "1u 8x" + ("" if sprite else "/i"), "in_splat")]
-        )
+        array = self.cut_buffers.splat_array(program, sprite=sprite)
+        count = len(self.cut.splats)
         if sprite:
-            array.render(moderngl.POINTS, len(self.cut.splats))
+            array.render(moderngl.POINTS, count)
         else:
-            array.render(moderngl.TRIANGLE_STRIP, 4, instances=len(self.cut.splats))
+            array.render(moderngl.TRIANGLES, len(TRIANGLES_OF_CORNERS) * count)
         self.ctx.enable_only(moderngl.NOTHING)
         result = np.frombuffer(target.read(), np.float32).reshape(size[1], size[0], 4)[::-1].copy()
         self.ctx.detect_framebuffer(0).use()
