@@ -8,14 +8,14 @@ from numba.extending import intrinsic
 
 
 @intrinsic
-def prefetch(typing_context, array, index):  # type: ignore[no-untyped-def]
-    """Bring the cache line in which an element of a one-dimensional array begins; any index may be given."""
+def prefetch(typing_context, array, row):  # type: ignore[no-untyped-def]
+    """Bring the cache line in which a row of an array begins; any number may be given, and nothing else happens."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        of_array, _ = signature.args
-        made = context.make_array(of_array)(context, builder, arguments[0])
-        at = cgutils.get_item_pointer(context, builder, of_array, made, [arguments[1]], wraparound=False)
-        byte = builder.bitcast(at, ir.IntType(8).as_pointer())
+        made = context.make_array(signature.args[0])(context, builder, arguments[0])
+        stride = cgutils.unpack_tuple(builder, made.strides)[0]
+        first = builder.ptrtoint(made.data, stride.type)
+        byte = builder.inttoptr(builder.add(first, builder.mul(arguments[1], stride)), ir.IntType(8).as_pointer())
         number = ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [byte.type, number, number, number])
         call = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")

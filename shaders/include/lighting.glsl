@@ -38,7 +38,9 @@ vec3 lit(vec3 albedo, vec3 n, vec3 to_eye)
     // Not on what is seen from behind, the inside of an open model.
     float rim = max(dot(n, RIM_DIRECTION), 0.0) * clamp(1.0 + 2.0 * dot(n, to_eye), 0.0, 1.0);
     color += albedo * rim * RIM_LIGHT;
-    color += blinn_phong(albedo, n, to_eye, to_eye, HEADLIGHT);
+    // Of a light at the eye the halfway vector is the direction to both.
+    float straight = max(dot(n, to_eye), 0.0);
+    color += HEADLIGHT * (albedo * straight + SPECULAR * shine(straight));
     return color + blinn_phong(albedo, n, to_eye, KEY_DIRECTION, KEY_LIGHT);
 #endif
 }
