@@ -12,7 +12,9 @@ from benchmarks.setting_text import count, numbers
 from benchmarks.tables import table
 
 IGEA, BUNNY = "igea.ply", "stanford-bunny.obj"
-DEGREES, PIXELS = 0.8, 0.25
+# Of the normals on average, of 95 in a hundred pixels, and of the outline.
+DEGREES, DEGREES_OF_95, PIXELS = 0.8, 2.5, 0.25
+AT_ERROR = f"at {DEGREES:g} degrees ({DEGREES_OF_95:g} at the 95th percentile) and {PIXELS:g} px"
 # The share of the plain triangles' time that a frame may take, of Igea and of the growing surface at some sizes.
 IGEA_SHARE = 0.6
 SIZES = {4_000_000: 0.08, 17_000_000: 0.02}
@@ -49,14 +51,15 @@ def _igea_frame(points: Sequence[Point], method: str) -> Iterator[Row]:
     own = [p for p in of_method(points, method) if math.isfinite(p.displacement)]
     if not own:
         return
-    good = [p for p in own if p.error <= DEGREES and p.displacement <= PIXELS]
-    best = (
-        min(good, key=lambda p: p.ratio)
-        if good
-        else min(own, key=lambda p: max(p.error / DEGREES, p.displacement / PIXELS))
-    )
-    target = f"frame at most {IGEA_SHARE:g} of plain triangles at {DEGREES:g} degrees and {PIXELS:g} px"
-    measured = f"{best.ratio:.2f} at {best.error:.2f} degrees and {best.displacement:.2f} px{numbers(best.setting)}"
+
+    def excess(p: Point) -> float:
+        return max(p.error / DEGREES, p.p95 / DEGREES_OF_95, p.displacement / PIXELS)
+
+    good = [p for p in own if excess(p) <= 1.0]
+    best = min(good, key=lambda p: p.ratio) if good else min(own, key=excess)
+    target = f"frame at most {IGEA_SHARE:g} of plain triangles {AT_ERROR}"
+    error = f"{best.error:.2f} degrees ({best.p95:.2f}) and {best.displacement:.2f} px"
+    measured = f"{best.ratio:.2f} at {error}{numbers(best.setting)}"
     what = f"Igea, {_views(best)}{', while it moves' if method == MOVING else ''}"
     yield what, target, measured, _met(bool(good) and best.ratio <= IGEA_SHARE)
 
@@ -65,12 +68,13 @@ def _size_row(entry: Json, share: float, when: str = "") -> Row:
     ratio, error = entry["cost"]["frame_over_triangles"], entry["error"]
     degrees, pixels = error["normal_degrees"]["mean"], error["silhouette"]["mean"]
     radii = f", r_sil {entry['r_sil']:g}, r_inner {entry['r_inner']:g}, w_s {entry['w_s']}"
-    good = pixels is not None and degrees <= DEGREES and pixels <= PIXELS
+    p95 = error["normal_degrees"]["p95"]
+    good = pixels is not None and degrees <= DEGREES and p95 <= DEGREES_OF_95 and pixels <= PIXELS
     shown = "no outline" if pixels is None else f"{pixels:.2f} px"
     return (
         f"growing surface, {count(entry['size'])} triangles{when}",
-        f"frame at most {share:g} of plain triangles at {DEGREES:g} degrees and {PIXELS:g} px",
-        f"{ratio:.3f} at {degrees:.2f} degrees and {shown}{radii}",
+        f"frame at most {share:g} of plain triangles {AT_ERROR}",
+        f"{ratio:.3f} at {degrees:.2f} degrees ({p95:.2f}) and {shown}{radii}",
         _met(good and ratio <= share),
     )
 

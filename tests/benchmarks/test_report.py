@@ -119,11 +119,13 @@ def test_targets_are_met_or_missed_by_the_figures():
     worse.scaling[-1]["moving"] = {"cost": {"frame_over_triangles": 0.019}, "error": synthetic_error(0.7, 0.24)}
     rows = [row for row in rows_of(targets(worse)) if "growing" in row[0]]
     assert [("moves" in row[0], row[3]) for row in rows] == [(False, "missed"), (True, "met")]
-    assert "0.019 at 0.70 degrees and 0.24 px" in rows[1][2]
+    assert "0.019 at 0.70 degrees (2.24) and 0.24 px" in rows[1][2]
     # As fast, but not at the same error.
     worse = synthetic_run()
     worse.scaling[-1]["error"]["silhouette"]["mean"] = 0.26
     assert [row[3] for row in rows_of(targets(worse)) if "growing" in row[0]] == ["missed"]
+    run.scaling[-1]["error"]["normal_degrees"]["p95"] = 2.6
+    assert [row[3] for row in rows_of(targets(run)) if "growing" in row[0]] == ["missed"]
 
 
 def test_bounds_count_the_views_on_which_a_promise_was_kept(run):
