@@ -25,7 +25,7 @@ class CutBuffers:
     """
 
     # Four vertices a splat take more room than one instance of four, and less time: to a software renderer every
-    # instance is a draw of its own, and a GPU leaves most of a wave of threads idle.
+    # instance is a draw of its own.
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
         self.splats = ctx.buffer(reserve=SPLAT_BYTES, dynamic=True)

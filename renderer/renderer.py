@@ -202,7 +202,10 @@ class Renderer:
 
     @property
     def timings(self) -> dict[str, float]:
-        """Milliseconds of "visibility", "attributes" and "resolve" of the last frame."""
+        """Milliseconds of "visibility", "attributes" and "resolve" of the last frame.
+
+        The first begins with erasing the frame before and bringing the cut, which is all of it without blending.
+        """
         return self._timers.milliseconds
 
     @property
