@@ -12,4 +12,4 @@ from typing import Any
 
 # Of numba's options the last is not in its documentation, but all its versions have it: no reference counting. What
 # would allocate does not compile with it.
-BORROWING: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+BORROWING: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False, "forceinline": True}

@@ -14,6 +14,8 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
+from hierarchy.circles import AT_ONCE
+from hierarchy.extremes import NEVER_NAN, larger, smaller
 
 TURNS = 8
 _COSINES = np.cos(0.5 * math.pi * np.arange(TURNS) / TURNS)
@@ -26,16 +28,19 @@ ROUNDING = 1e-6
 WHOLE_DISC = (-1.0, 1.0, -1.0, 1.0)
 
 
-@nb.njit(**BORROWING, fastmath={"nnan", "nsz", "contract"})
-def _widen(ends, du, dv):  # type: ignore[no-untyped-def]
-    """Widen what lies between the ends along every turn's axes to hold a point."""
-    # One statement an end, all turns at once.
-    for turn in range(TURNS):
-        across, up = _COSINES[turn] * du + _SINES[turn] * dv, _COSINES[turn] * dv - _SINES[turn] * du
-        ends[0, turn] = min(ends[0, turn], across)
-        ends[1, turn] = max(ends[1, turn], across)
-        ends[2, turn] = min(ends[2, turn], up)
-        ends[3, turn] = max(ends[3, turn], up)
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
+def _widen(ends, u, v, count, x, y, cosine, sine):  # type: ignore[no-untyped-def]
+    """Widen what lies between low and high ends along turned axes to hold the first `count` points, relative to (x, y).
+
+    ends : float64 (4,), low and high along one axis, low and high along the other
+    """
+    left, right, low, high = ends[0], ends[1], ends[2], ends[3]
+    for i in range(count):
+        du, dv = u[i] - x, v[i] - y
+        across, up = cosine * du + sine * dv, cosine * dv - sine * du
+        left, right = smaller(left, across), larger(right, across)
+        low, high = smaller(low, up), larger(high, up)
+    ends[0], ends[1], ends[2], ends[3] = left, right, low, high
 
 
 @nb.njit(**BORROWING)
@@ -47,22 +52,23 @@ def tight_box(u, v, count, x, y, radius, box, ends):  # type: ignore[no-untyped-
     box : low and high ends along the turned u axis, low and high ends along the turned v axis, relative to the circle's
         centre and in units of its radius. TURN_STEP times the number of turns of 90 / TURNS degrees from the disc's
         tangents to the turned axes is added to the last.
-    ends : float64 (4, TURNS), to work in
+    ends : float64 (TURNS, 4), to work in
     """
     if radius <= 0.0:
         box[0], box[1], box[2], box[3] = WHOLE_DISC
         return
     for turn in range(TURNS):
-        ends[0, turn] = ends[2, turn] = np.inf
-        ends[1, turn] = ends[3, turn] = -np.inf
-    for i in range(count):
-        _widen(ends, u[i] - x, v[i] - y)
+        ends[turn, 0] = ends[turn, 2] = np.inf
+        ends[turn, 1] = ends[turn, 3] = -np.inf
+    for some in range(0, count, AT_ONCE):
+        for turn in range(TURNS):
+            _widen(ends[turn], u[some:], v[some:], min(count - some, AT_ONCE), x, y, _COSINES[turn], _SINES[turn])
     smallest, best = np.inf, 0
     for turn in range(TURNS):
-        area = (ends[1, turn] - ends[0, turn]) * (ends[3, turn] - ends[2, turn])
+        area = (ends[turn, 1] - ends[turn, 0]) * (ends[turn, 3] - ends[turn, 2])
         if area < smallest:
             smallest, best = area, turn
-    left, right = ends[0, best] / radius, ends[1, best] / radius
-    low, high = ends[2, best] / radius, ends[3, best] / radius
+    left, right = ends[best, 0] / radius, ends[best, 1] / radius
+    low, high = ends[best, 2] / radius, ends[best, 3] / radius
     box[0], box[1] = max(left - ROUNDING, -1.0), min(right + ROUNDING, 1.0)
     box[2], box[3] = max(low - ROUNDING, -1.0), min(high + ROUNDING, 1.0) + TURN_STEP * best

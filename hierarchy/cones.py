@@ -99,6 +99,12 @@ def widened_cosine(cosine):  # type: ignore[no-untyped-def]
     return max(cosine - 4e-7 * math.sqrt(1.0 - cosine * cosine + 1e-13) - 3e-8, 0.0)
 
 
+@nb.njit(cache=True, nogil=True, inline="always")
+def sine_of(cosine):  # type: ignore[no-untyped-def]
+    """Return the sine of a cone's half-angle, 0 where it is EVERYTHING."""
+    return 0.0 if cosine == EVERYTHING else math.sqrt(max(1.0 - np.float64(cosine) ** 2, 0.0))
+
+
 @nb.njit(cache=True, nogil=True, parallel=True)
 def unit_vectors(normals):  # type: ignore[no-untyped-def]
     """Normalise normals (N, 3) in float64: stored ones are off unit length by more than a narrow cosine off 1."""

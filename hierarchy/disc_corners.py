@@ -6,22 +6,59 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
+from hierarchy.extremes import NEVER_NAN, larger, smaller
 from hierarchy.leaves import SURFEL_CORNERS, corner
 
-# Largest and least of finite numbers may be found in any order, several at a time.
-BOUNDS = {"nnan", "nsz", "reassoc", "contract"}
+# Triangles that are passed over together where none has a vertex from before.
+CHUNK = 16
+# Corners back from which on it is not known where a vertex was used last.
+LONG_AGO = 255
 
 
 @nb.njit(cache=True, nogil=True)
-def first_vertices(indices):  # type: ignore[no-untyped-def]
-    """Return which vertex is the first that no triangle before each of `indices` (N, 3), nor before the end, has."""
-    first = np.empty(len(indices) + 1, np.int32)
+def first_vertices(corners, vertices):  # type: ignore[no-untyped-def]
+    """Tell where triangles' vertices are used, which are in the order of first use.
+
+    corners : int32 (3 N,), the vertices of all triangles in a row; vertices : how many there are
+    Returns `corners`; which vertex is the first that no triangle before each one, nor before the end, has, int32
+    (N + 1,); the least vertex of every CHUNK of triangles, int32 (-(-N // CHUNK),); and how many corners back every
+    corner's vertex was used last, LONG_AGO at most, uint8 (3 N,).
+    """
+    count = len(corners) // 3
+    first = np.empty(count + 1, np.int32)
+    least = np.full(-(-count // CHUNK), vertices, np.int32)
+    back = np.empty(3 * count, np.uint8)
+    used = np.full(vertices, -LONG_AGO, np.int64)
     unused = 0
-    for i in range(len(indices)):
+    for i in range(count):
         first[i] = unused
-        unused = max(unused, indices[i, 0] + 1, indices[i, 1] + 1, indices[i, 2] + 1)
-    first[len(indices)] = unused
-    return first
+        for k in range(3 * i, 3 * i + 3):
+            back[k] = min(k - used[corners[k]], LONG_AGO)
+            used[corners[k]] = k
+            least[i // CHUNK] = min(least[i // CHUNK], corners[k])
+            unused = max(unused, corners[k] + 1)
+    first[count] = unused
+    return corners, first, least, back
+
+
+@nb.njit(**BORROWING)
+def _older_vertices(vertices, begin, end, low, older):  # type: ignore[no-untyped-def]
+    """Write the vertices before `low` of the triangles [begin, end) to older, most but once; return how many.
+
+    Those are on the border of the triangles' patch.
+    """
+    corners, _, least, back = vertices
+    count = 0
+    i = begin
+    while i < end:
+        stop = min((i // CHUNK + 1) * CHUNK, end)
+        if least[i // CHUNK] < low:
+            for k in range(3 * i, 3 * stop):
+                # Not what the patch has used before. Without branches: none could be foreseen.
+                older[count] = corners[k]
+                count += (corners[k] < low) & (back[k] > min(k - 3 * begin, LONG_AGO - 1))
+        i = stop
+    return count
 
 
 @nb.njit(**BORROWING)
@@ -38,12 +75,13 @@ def _project(positions, low, high, origin, frame, points):  # type: ignore[no-un
 
 
 @nb.njit(**BORROWING)
-def corners_in_frame(shapes, first, begin, end, origin, frame, points):  # type: ignore[no-untyped-def]
+def corners_in_frame(shapes, vertices, begin, end, origin, frame, points, older):  # type: ignore[no-untyped-def]
     """Write every corner of the leaves [begin, end) to points, vertices of the triangles among them mostly but once.
 
-    shapes : positions, indices, radii and normals of the leaves; first : as `first_vertices` returns it
+    shapes : positions, indices, radii and normals of the leaves; vertices : as `first_vertices` returns them
     origin : three floats; frame : nine, the disc's tangents and its normal
     points : float64 (3, >= P), receives u, v and h in the disc's frame
+    older : int32 (> P,), to work in
     Returns the number P of corners.
     """
     positions, indices, radii, normals = shapes
@@ -61,39 +99,37 @@ def corners_in_frame(shapes, first, begin, end, origin, frame, points):  # type:
                 count += 1
         return count
     # Vertices are in the order in which the triangles first use them: most come in one piece.
-    low, high = first[begin], first[end]
+    low, high = vertices[1][begin], vertices[1][end]
     _project(positions, low, high, origin, frame, points)
     count = high - low
     if low == 0:
         return count
-    for i in range(begin, end):
-        for j in range(3):
-            vertex = indices[i, j]
-            if vertex < low:
-                x, y, z = positions[vertex, 0] - ox, positions[vertex, 1] - oy, positions[vertex, 2] - oz
-                points[0, count] = x * ux + y * uy + z * uz
-                points[1, count] = x * vx + y * vy + z * vz
-                points[2, count] = x * nx + y * ny + z * nz
-                count += 1
-    return count
+    found = _older_vertices(vertices, begin, end, low, older)
+    for k in range(found):
+        vertex = older[k]
+        x, y, z = positions[vertex, 0] - ox, positions[vertex, 1] - oy, positions[vertex, 2] - oz
+        points[0, count + k] = x * ux + y * uy + z * uz
+        points[1, count + k] = x * vx + y * vy + z * vz
+        points[2, count + k] = x * nx + y * ny + z * nz
+    return count + found
 
 
-@nb.njit(**BORROWING, fastmath=BOUNDS)
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
 def low_and_high(values, count):  # type: ignore[no-untyped-def]
     """Return the least and the largest of the first `count` values."""
     low = high = values[0]
     for i in range(count):
-        low, high = min(low, values[i]), max(high, values[i])
+        low, high = smaller(low, values[i]), larger(high, values[i])
     return low, high
 
 
-@nb.njit(**BORROWING, fastmath=BOUNDS)
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
 def reaches(points, count, u, v, h):  # type: ignore[no-untyped-def]
     """Return the largest squared distances of the first `count` of points (3, P) from (u, v), and from (u, v, h)."""
     flat = solid = 0.0
     for k in range(count):
         du, dv, dh = points[0, k] - u, points[1, k] - v, points[2, k] - h
         d2 = du * du + dv * dv
-        flat = max(flat, d2)
-        solid = max(solid, d2 + dh * dh)
+        flat = larger(flat, d2)
+        solid = larger(solid, d2 + dh * dh)
     return flat, solid

@@ -14,7 +14,7 @@ import numpy as np
 
 from hierarchy.borrowing import BORROWING
 from hierarchy.boxes import TURNS, tight_box
-from hierarchy.circles import CORNERS, MANY, keep_outer, smallest_circle
+from hierarchy.circles import smallest_circle
 from hierarchy.dealing import DEALT, block_count, most_leaves, nodes_of
 from hierarchy.disc_corners import corners_in_frame, first_vertices, low_and_high, reaches
 from hierarchy.frames import tangents
@@ -28,30 +28,26 @@ ROUNDED_UP = 1.0 + 1e-6
 
 
 @nb.njit(**BORROWING)
-def _disc(node, shapes, first, centres, begin, end, axes, sums, results, work):  # type: ignore[no-untyped-def]
+def _disc(node, shapes, vertices, centres, begin, end, axes, sums, results, work):  # type: ignore[no-untyped-def]
     """Fit a disc to the leaves [begin, end) of a node, and write it to its rows of the results.
 
     sums : as `plane_sums` returns them; results : centres, normals, sizes and boxes; work : arrays to work in
     """
     centre, normal, size, boxes = results
-    points, outer, circle, support, ends, polygon = work
+    points, circle, support, ends, older = work
     normal[node, 0], normal[node, 1], normal[node, 2] = mean_normal(sums, axes, node)
     nx, ny, nz = np.float64(normal[node, 0]), np.float64(normal[node, 1]), np.float64(normal[node, 2])
     ux, uy, uz, vx, vy, vz = tangents(nx, ny, nz)
     # Everything relative to the first leaf's centre.
     ox, oy, oz = np.float64(centres[begin, 0]), np.float64(centres[begin, 1]), np.float64(centres[begin, 2])
     frame = (ux, uy, uz, vx, vy, vz, nx, ny, nz)
-    count = corners_in_frame(shapes, first, begin, end, (ox, oy, oz), frame, points)
+    count = corners_in_frame(shapes, vertices, begin, end, (ox, oy, oz), frame, points, older)
     low, high = low_and_high(points[2], count)
     mean, area = 0.5 * (low + high), sums[node, 3]
     if area > 0.0:
         x, y, z = sums[node, 4] / area - ox, sums[node, 5] / area - oy, sums[node, 6] / area - oz
         mean = x * nx + y * ny + z * nz
-    flat, kept = points, count
-    if count >= MANY:
-        kept = keep_outer(points[0], points[1], count, outer, polygon)
-        flat = outer
-    smallest_circle(flat[0], flat[1], kept, circle, support)
+    smallest_circle(points[0], points[1], count, circle, support)
     x, y = circle[0], circle[1]
     centre[node, 0] = ox + x * ux + y * vx + mean * nx
     centre[node, 1] = oy + x * uy + y * vy + mean * ny
@@ -64,14 +60,14 @@ def _disc(node, shapes, first, centres, begin, end, axes, sums, results, work): 
     size[node, 1] = max(high - z, z - low) * ROUNDED_UP
     # The sphere holds the disc too: it stands for both in every culling test.
     size[node, 2] = math.sqrt(max(solid2, across2)) * ROUNDED_UP
-    tight_box(flat[0], flat[1], kept, x, y, np.float64(size[node, 0]), boxes[node], ends)
+    tight_box(points[0], points[1], count, x, y, np.float64(size[node, 0]), boxes[node], ends)
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
 def _discs(shapes, centres, areas, octree, axes):  # type: ignore[no-untyped-def]
     begin, end = octree[2], octree[3]
     nodes = len(begin)
-    first = first_vertices(shapes[1])
+    vertices = first_vertices(shapes[1].ravel(), len(shapes[0]))
     sums = plane_sums(shapes[3], centres, areas, octree)
     centres_of, normals_of = np.empty((nodes, 3), np.float32), np.empty((nodes, 3), np.float32)
     results = (centres_of, normals_of, np.empty((nodes, 3), np.float32), np.empty((nodes, 4), np.float32))
@@ -79,11 +75,11 @@ def _discs(shapes, centres, areas, octree, axes):  # type: ignore[no-untyped-def
     blocks = block_count(nodes)
     for hand in nb.prange(len(DEALT)):
         most = corners * most_leaves(hand, begin, end)
-        points, outer = np.empty((3, most)), np.empty((2, most))
-        work = (points, outer, np.empty(3), np.empty((4, 2)), np.empty((4, TURNS)), np.empty((CORNERS, 3)))
+        points, older = np.empty((3, most)), np.empty(most + 1, np.int32)
+        work = (points, np.empty(3), np.empty((4, 2)), np.empty((TURNS, 4)), older)
         for block in range(DEALT[hand], blocks, len(DEALT)):
             for node in range(*nodes_of(block, nodes)):
-                _disc(node, shapes, first, centres, begin[node], end[node], axes, sums, results, work)
+                _disc(node, shapes, vertices, centres, begin[node], end[node], axes, sums, results, work)
     return results
 
 

@@ -22,7 +22,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
-from hierarchy.cones import EVERYTHING, widened_cosine
+from hierarchy.cones import EVERYTHING, sine_of, widened_cosine
 from hierarchy.joined_cones import angle_between, cap_holds, join_cone, join_farthest_first
 from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
@@ -311,23 +311,27 @@ def _measure(nodes, discs, shapes, closed, caps, reliefs):  # type: ignore[no-un
     for k in nb.prange(len(subtrees)):
         root, near_root = subtrees[k]
         _measure_below(nodes, families, root, near_root, discs, shapes, closed, 0, caps, reliefs)
+    for k in nb.prange(len(nodes)):
+        node, cap = nodes[k], caps[k]
+        node["print_x"], node["print_y"], node["print_z"] = cap[0], cap[1], cap[2]
+        node["print_cos"], node["print_sin"] = cap[3], sine_of(np.float32(cap[3]))
+        node["relief"] = reliefs[k]
 
 
-def disc_footprints(
+def measure_footprints(
     nodes: np.ndarray, disc_normals: Float32Array, thickness: Float32Array, shapes: LeafShapes, *, closed: bool
-) -> tuple[Float32Array, Float32Array, Float32Array]:
-    """Measure the footprint of every node's disc.
+) -> None:
+    """Measure the footprint of every node's disc and write it to the node: cone and relief.
 
     nodes : NODE (M,), with topology, normal cones, discs and spheres filled in
     disc_normals : float32 (M, 3), unit
     thickness : float32 (M,), largest distance of the primitives below a node from its disc's plane
     closed : the surface has no borders to look for
-    Returns the cones' axes float32 (M, 3) and cosines float32 (M,) as in `normal_cones`, and the reliefs
-    float32 (M,): the largest distance of the footprint's primitives from the disc's plane, or of the disc's rim from
-    any surface.
+
+    The cone is as in `normal_cones`. The relief is the largest distance of the footprint's primitives from the disc's
+    plane, or of the disc's rim from any surface.
     """
     s = shapes
     arrays = (s.positions, s.indices, s.normals, s.centres, s.extents)
     caps, reliefs = np.empty((len(nodes), 4)), np.empty(len(nodes), np.float32)
     _measure(nodes, (disc_normals, np.ascontiguousarray(thickness)), arrays, closed, caps, reliefs)
-    return caps[:, :3].astype(np.float32), caps[:, 3].astype(np.float32), reliefs

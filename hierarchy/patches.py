@@ -17,18 +17,20 @@ from hierarchy.borrowing import BORROWING
 from hierarchy.cones import EVERYTHING, widened_cosine
 from hierarchy.joined_cones import join_farthest_first
 from hierarchy.near_nodes import meets
-from hierarchy.under_discs import BORDER, FAR_SIDE, REACH, RIM_POINTS, point_is_under, write_rim
+from hierarchy.under_discs import BORDER, FAR_SIDE, FLAT, RIM, RIM_POINTS, write_rim
 
 # Leaves that subtrees may have for which leaves are gathered: from the whole, from what the one before has, and so on.
-SIZES = (256, 32)
+SIZES = (384, 48)
 # Leaves that can be gathered. No power of two, so that not all rows begin in the same lines of the cache.
-ROOM = 2064
+ROOM = 2576
 TOO_MANY = -1
 # Leaves of a node that are looked at one by one, sooner than its children.
 FEW = 16
 # Where the rows of a patch begin: centres, extents and normals. They are in one array since what is computed from
 # one array and written to another is vectorised.
 X, Y, Z, EXTENT, NX, NY, NZ, AX, AY, AZ, BX, BY, BZ, CX, CY, CZ, END = (ROOM * row for row in range(17))
+# Flags that are looked at together.
+EIGHT = 8
 # More than what single precision is off by, relative.
 ROUNDING = 6e-7
 # Nodes that can wait: each has at most two children, and paths are at most 74 nodes long (octree.py).
@@ -38,10 +40,12 @@ DEEPEST = 160
 @nb.njit(cache=True, nogil=True)
 def patch_room():  # type: ignore[no-untyped-def]
     """Return what patches are measured in: rows and leaves of each size, flags, places, normals to join, and a rim."""
+    flags = np.empty(ROOM, np.uint8)
     return (
         np.empty((len(SIZES), END), np.float32),
         np.empty((len(SIZES), ROOM), np.int32),
-        np.empty(ROOM, np.int32),
+        flags,
+        flags.view(np.uint64),
         np.empty(2 * ROOM, np.int32),
         np.empty((ROOM, 3), np.float64),
         np.empty((RIM_POINTS, 3), np.float64),
@@ -117,14 +121,28 @@ def _flag_in_box(rows, count, box, flags):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**BORROWING)
+def _flagged(flags, words, count, which):  # type: ignore[no-untyped-def]
+    """Write which of the first `count` flags are 1 to `which`; return how many.
+
+    words : uint64, the same memory as flags: most eights of leaves have none
+    """
+    for k in range(count, -(-count // EIGHT) * EIGHT):
+        flags[k] = 0
+    found = 0
+    for word in range(-(-count // EIGHT)):
+        if words[word] != 0:
+            for k in range(word * EIGHT, (word + 1) * EIGHT):
+                which[found] = k
+                found += flags[k]
+    return found
+
+
+@nb.njit(**BORROWING)
 def _narrow(level, count, box, triangles, room):  # type: ignore[no-untyped-def]
     """Gather what may be under the discs in a box from what has been gathered at a level; return how many leaves."""
-    rows, leaves, flags, which = room[0][level], room[1][level], room[2], room[3]
+    rows, leaves, flags, words, which = room[0][level], room[1][level], room[2], room[3], room[4]
     _flag_in_box(rows, count, box, flags)
-    found = 0
-    for k in range(count):
-        which[found] = k
-        found += flags[k]
+    found = _flagged(flags, words, count, which)
     some, some_leaves = room[0][level + 1], room[1][level + 1]
     for k in range(found):
         some_leaves[k] = leaves[which[k]]
@@ -135,38 +153,43 @@ def _narrow(level, count, box, triangles, room):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**BORROWING)
-def _flag_under(rows, leaves, count, triangles, disc, begin, end, flags):  # type: ignore[no-untyped-def]
-    """Flag the leaves of a patch under a disc by 2, those to be measured by 1, others and its own, [begin, end), by 0.
-
-    triangles : bool, literal; disc : centre, radius and normal, float32
-    """
-    px, py, pz, radius, nx, ny, nz = disc
-    far_side, wider = np.float32(FAR_SIDE - ROUNDING), np.float32(1.0 + ROUNDING)
-    sure, reach = radius * np.float32(1.0 - ROUNDING), radius * np.float32(REACH)
-    for k in range(count):
-        dx, dy, dz = rows[X + k] - px, rows[Y + k] - py, rows[Z + k] - pz
-        distance2 = dx * dx + dy * dy + dz * dz
-        if triangles:
-            ax, ay, az = rows[AX + k] - px, rows[AY + k] - py, rows[AZ + k] - pz
-            bx, by, bz = rows[BX + k] - px, rows[BY + k] - py, rows[BZ + k] - pz
-            cx, cy, cz = rows[CX + k] - px, rows[CY + k] - py, rows[CZ + k] - pz
-            a2, b2, c2 = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, cx * cx + cy * cy + cz * cz
-            distance2 = min(distance2, a2, b2, c2)
-        else:
-            sure = reach = (radius + rows[EXTENT + k]) * wider
-        faces = rows[NX + k] * nx + rows[NY + k] * ny + rows[NZ + k] * nz >= far_side
-        other = faces & ((leaves[k] < begin) | (leaves[k] >= end))
-        flags[k] = ((distance2 <= sure * sure) & other) + ((distance2 <= reach * reach) & other)
+def _is_under(dx, dy, dz, nx, ny, nz, radius2):  # type: ignore[no-untyped-def]
+    """Tell in single precision whether a point is under a disc, as `point_is_under` does."""
+    distance2, height = dx * dx + dy * dy + dz * dz, dx * nx + dy * ny + dz * nz
+    height2 = height * height
+    on_rim = (distance2 - height2 <= np.float32(RIM**2) * radius2) & (height2 <= np.float32(FLAT**2) * radius2)
+    return (distance2 <= radius2) | on_rim
 
 
 @nb.njit(**BORROWING)
-def _triangle_is_under(rows, k, px, py, pz, nx, ny, nz, radius2):  # type: ignore[no-untyped-def]
-    """Tell whether the centre of a triangle of a patch, or one of its corners, is under a disc."""
-    for row in (X, AX, BX, CX):
-        dx, dy, dz = rows[row + k] - px, rows[row + ROOM + k] - py, rows[row + 2 * ROOM + k] - pz
-        if point_is_under(dx, dy, dz, nx, ny, nz, radius2):
-            return True
-    return False
+def _flag_under(rows, leaves, count, triangles, open_, disc, begin, end, cap, flags):  # type: ignore[no-untyped-def]
+    """Flag the leaves of a patch under a disc by 1, all others by 0; return the largest distance from its plane.
+
+    Its own, [begin, end), are left out; unless `open_`, so are those whose normals are surely in the cap.
+    triangles, open_ : bool, literal; disc, cap : centre, radius and normal; axis and cosine; float32
+    """
+    px, py, pz, radius, nx, ny, nz = disc
+    ax, ay, az, cosine = cap
+    far_side, wider = np.float32(FAR_SIDE - ROUNDING), np.float32(1.0 + ROUNDING)
+    # The bits of numbers that are not negative are in the order of the numbers. Of whole numbers the largest is found
+    # several at a time, of others not (numba 0.68).
+    radius2, highest = radius * radius, np.int32(0)
+    for k in range(count):
+        dx, dy, dz = rows[X + k] - px, rows[Y + k] - py, rows[Z + k] - pz
+        if triangles:
+            under = _is_under(dx, dy, dz, nx, ny, nz, radius2)
+            under |= _is_under(rows[AX + k] - px, rows[AY + k] - py, rows[AZ + k] - pz, nx, ny, nz, radius2)
+            under |= _is_under(rows[BX + k] - px, rows[BY + k] - py, rows[BZ + k] - pz, nx, ny, nz, radius2)
+            under |= _is_under(rows[CX + k] - px, rows[CY + k] - py, rows[CZ + k] - pz, nx, ny, nz, radius2)
+        else:
+            reach = (radius + rows[EXTENT + k]) * wider
+            under = dx * dx + dy * dy + dz * dz <= reach * reach
+        x, y, z = rows[NX + k], rows[NY + k], rows[NZ + k]
+        under &= (x * nx + y * ny + z * nz >= far_side) & ((leaves[k] < begin) | (leaves[k] >= end))
+        height = abs(dx * nx + dy * ny + dz * nz) if under else np.float32(0.0)
+        highest = max(highest, np.float32(height).view(np.int32))
+        flags[k] = under & (open_ | (x * ax + y * ay + z * az < cosine))
+    return np.int32(highest).view(np.float32)
 
 
 @nb.njit(**BORROWING)
@@ -199,41 +222,38 @@ def _footprint(nodes, node, discs, shapes, closed, level, count, room, cap):  # 
     """
     normals, thickness = discs
     _, indices, _, centres, extents = shapes
-    _, _, flags, which, vectors, rim, _ = room
+    _, _, flags, words, which, vectors, rim, _ = room
     rows, leaves = room[0][level], room[1][level]
     me = nodes[node]
-    # Its own leaves are in the cone and the thickness.
-    begin, end = me["leaf_begin"], me["leaf_end"]
-    disc = (me["x"], me["y"], me["z"], me["radius"], normals[node, 0], normals[node, 1], normals[node, 2])
-    if len(indices) > 0:
-        _flag_under(rows, leaves, count, True, disc, begin, end, flags)
-    else:
-        _flag_under(rows, leaves, count, False, disc, begin, end, flags)
-    found = 0
-    for k in range(count):
-        which[found] = k
-        found += flags[k] > 0
-    px, py, pz, radius = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"]), np.float64(me["radius"])
-    nx, ny, nz = np.float64(normals[node, 0]), np.float64(normals[node, 1]), np.float64(normals[node, 2])
     x, y, z = np.float64(me["axis_x"]), np.float64(me["axis_y"]), np.float64(me["axis_z"])
     norm = math.sqrt(x * x + y * y + z * z)
     cap[0], cap[1], cap[2], cap[3] = x / norm, y / norm, z / norm, me["cone_cos"]
+    # Its own leaves are in the cone and the thickness.
+    begin, end = me["leaf_begin"], me["leaf_end"]
+    disc = (me["x"], me["y"], me["z"], me["radius"], normals[node, 0], normals[node, 1], normals[node, 2])
+    # Neither is of unit length to the last bit: what is all but on the cap's rim is measured below.
+    near_cap = (np.float32(cap[0]), np.float32(cap[1]), np.float32(cap[2]), np.float32(cap[3] + 1e-6))
+    if len(indices) == 0:
+        higher = _flag_under(rows, leaves, count, False, True, disc, begin, end, near_cap, flags)
+    elif closed:
+        higher = _flag_under(rows, leaves, count, True, False, disc, begin, end, near_cap, flags)
+    else:
+        higher = _flag_under(rows, leaves, count, True, True, disc, begin, end, near_cap, flags)
+    radius = np.float64(me["radius"])
     relief = np.float64(thickness[node])
-    collected = under = 0
-    for k in range(found):
+    if higher > relief:
+        # Rounding may not lower it.
+        relief = higher * (1.0 + ROUNDING) + radius * ROUNDING
+    under = _flagged(flags, words, count, which)
+    collected = 0
+    for k in range(under):
         i = which[k]
-        if flags[i] == 1 and not _triangle_is_under(rows, i, px, py, pz, nx, ny, nz, radius * radius):
-            continue
-        which[under] = leaves[i]
-        under += 1
-        relief = max(relief, abs((rows[X + i] - px) * nx + (rows[Y + i] - py) * ny + (rows[Z + i] - pz) * nz))
+        which[k] = leaves[i]
         x, y, z = np.float64(rows[NX + i]), np.float64(rows[NY + i]), np.float64(rows[NZ + i])
-        # Not of unit length to the last bit: what is all but on the cap's rim is measured.
-        if cap[0] * x + cap[1] * y + cap[2] * z < cap[3] + 1e-6:
-            unit = 1.0 / math.sqrt(x * x + y * y + z * z)
-            x, y, z = unit * x, unit * y, unit * z
-            vectors[collected, 0], vectors[collected, 1], vectors[collected, 2] = x, y, z
-            collected += cap[0] * x + cap[1] * y + cap[2] * z < cap[3]
+        unit = 1.0 / math.sqrt(x * x + y * y + z * z)
+        x, y, z = unit * x, unit * y, unit * z
+        vectors[collected, 0], vectors[collected, 1], vectors[collected, 2] = x, y, z
+        collected += cap[0] * x + cap[1] * y + cap[2] * z < cap[3]
     join_farthest_first(cap, vectors[:collected])
     if not closed:
         # Its own leaves may be near the rim, too.
@@ -241,6 +261,8 @@ def _footprint(nodes, node, discs, shapes, closed, level, count, room, cap):  # 
             which[under] = leaf
             under += 1
         near = BORDER * radius
+        px, py, pz = np.float64(me["x"]), np.float64(me["y"]), np.float64(me["z"])
+        nx, ny, nz = np.float64(normals[node, 0]), np.float64(normals[node, 1]), np.float64(normals[node, 2])
         write_rim(px, py, pz, radius, nx, ny, nz, rim)
         overhang = min(_overhang(centres, extents, which, under, rim, near), radius)
         if overhang > near:
@@ -256,7 +278,7 @@ def measure_patch(nodes, root, discs, shapes, boxes, closed, count, room, caps, 
     discs : normals and thicknesses of all discs; boxes : around the discs of each node and all below it
     caps, reliefs : float64 (M, 4) and float32 (M,), written to
     """
-    stack, levels, counts = room[6]
+    stack, levels, counts = room[7]
     stack[0], levels[0], counts[0] = root, 0, count
     top = 1
     while top > 0:

@@ -246,7 +246,7 @@ def test_points_that_are_left_out_lie_inside_those_that_are_kept(kind):
     for count in (MANY, SAMPLE, SAMPLE + 1, 1000, 5000):
         points = np.asarray(FLAT[kind](rng, count), float) + 10.0
         outer = np.empty((2, count))
-        kept = keep_outer(*np.ascontiguousarray(points.T), count, outer, np.empty((CORNERS, 3)))
+        kept = keep_outer(*np.ascontiguousarray(points.T), count, outer, np.empty((CORNERS, 2)))
         angle = np.linspace(0.0, 2.0 * math.pi, 500)
         along = np.stack([np.cos(angle), np.sin(angle)])
         # As far in every direction, to the last bits of coordinates of 10.
@@ -287,7 +287,7 @@ def test_a_box_is_turned_to_where_it_is_smallest():
     along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     points = np.array([a * 0.9 * along + b * 0.1 * across for a in (-1, 1) for b in (-1, 1)])
     box = np.empty(4)
-    tight_box(*np.ascontiguousarray(points.T), len(points), 0.0, 0.0, 1.0, box, np.empty((4, TURNS)))
+    tight_box(*np.ascontiguousarray(points.T), len(points), 0.0, 0.0, 1.0, box, np.empty((TURNS, 4)))
     assert np.rint(box[3] / TURN_STEP) in (1, 2)
     _, (left, right, low, high), _ = in_box(points, box)
     assert (right - left) * (high - low) < 1.05 * (1.8 * np.cos(0.5 * 0.5 * np.pi / TURNS) + 0.05) * 0.4
@@ -295,5 +295,5 @@ def test_a_box_is_turned_to_where_it_is_smallest():
 
 def test_the_box_of_a_point_is_the_whole_disc():
     box = np.empty(4)
-    tight_box(*np.zeros((2, 3)), 3, 0.0, 0.0, 0.0, box, np.empty((4, TURNS)))
+    tight_box(*np.zeros((2, 3)), 3, 0.0, 0.0, 0.0, box, np.empty((TURNS, 4)))
     assert tuple(box) == WHOLE_DISC

@@ -270,7 +270,7 @@ def test_the_last_end_of_a_rectangle_keeps_its_digits(ledger, amount, rng):
     for _ in range(count):
         points = rng.uniform(-0.7, 0.7, (3, 2)) * 10.0 ** rng.uniform(-3.0, 0.0, 2)
         box = np.empty(4, np.float32)
-        tight_box(*np.ascontiguousarray(points.T), 3, 0.0, 0.0, 1.0, box, np.empty((4, TURNS)))
+        tight_box(*np.ascontiguousarray(points.T), 3, 0.0, 0.0, 1.0, box, np.empty((TURNS, 4)))
         turn = np.rint(box[3] / TURN_STEP)
         angle = 0.5 * math.pi * turn / TURNS
         up = points @ [-math.sin(angle), math.cos(angle)]
