@@ -14,6 +14,7 @@ import numpy as np
 from hierarchy.borrowing import BORROWING
 from hierarchy.dealing import DEALT, block_count, nodes_of
 from hierarchy.enclosing import INSIDE, MAX_PASSES, MAX_STALLS, RIGHT_ANGLE, cap_with_pivot
+from hierarchy.extremes import NEVER_NAN, larger
 from hierarchy.model import Float32Array, Int32Array
 
 # cone_cos of a cone that contains everything (half-angle >= 90 degrees).
@@ -22,14 +23,36 @@ EVERYTHING = -1.0
 CHUNK, FEW = 32, 64
 
 
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
+def _largest(vectors, begin, count, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the largest squared distance of `count` vectors from an axis."""
+    across, up, along = vectors[0, begin:], vectors[1, begin:], vectors[2, begin:]
+    largest = 0.0
+    for i in range(count):
+        dx, dy, dz = across[i] - x, up[i] - y, along[i] - z
+        largest = larger(largest, dx * dx + dy * dy + dz * dz)
+    return largest
+
+
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
+def _which(vectors, begin, count, x, y, z, distance2):  # type: ignore[no-untyped-def]
+    """Return which of `count` vectors is as far from an axis, as `_largest` finds it."""
+    across, up, along = vectors[0, begin:], vectors[1, begin:], vectors[2, begin:]
+    which = 0
+    for i in range(count):
+        dx, dy, dz = across[i] - x, up[i] - y, along[i] - z
+        which = max(which, i if dx * dx + dy * dy + dz * dz >= distance2 else 0)
+    return begin + which
+
+
 @nb.njit(**BORROWING)
 def _farthest(vectors, balls, begin, end, cap):  # type: ignore[no-untyped-def]
-    """Return which of vectors[begin:end] is the farthest from a cap's axis, and its squared distance.
+    """Return which of the vectors [begin, end) is the farthest from a cap's axis, and its squared distance.
 
     -1 and the cap's own where none is farther than that.
     """
     x, y, z, largest = cap[0], cap[1], cap[2], cap[3]
-    farthest = -1
+    first, count = -1, 0
     some = begin
     while some < end:
         stop = end
@@ -42,20 +65,20 @@ def _farthest(vectors, balls, begin, end, cap):  # type: ignore[no-untyped-def]
             if reach * reach <= largest:
                 some = stop
                 continue
-        for i in range(some, stop):
-            dx, dy, dz = vectors[i, 0] - x, vectors[i, 1] - y, vectors[i, 2] - z
-            d2 = dx * dx + dy * dy + dz * dz
-            if d2 > largest:
-                largest, farthest = d2, i
+        distance2 = _largest(vectors, some, stop - some, x, y, z)
+        if distance2 > largest:
+            largest, first, count = distance2, some, stop - some
         some = stop
-    return farthest, largest
+    if first < 0:
+        return first, largest
+    return _which(vectors, first, count, x, y, z, largest), largest
 
 
 @nb.njit(**BORROWING)
 def bounding_cap(vectors, balls, begin, end, cap, support):  # type: ignore[no-untyped-def]
     """Write axis and cosine of the smallest cap around the unit vectors [begin, end) to cap, float64 (4,).
 
-    vectors : float64 (N, 3), of which at least one is meant
+    vectors : float64 (3, N), of which at least one is meant
     balls : as `balls_of_chunks` returns them
     support : float64 (4, 3), to work in
 
@@ -63,7 +86,7 @@ def bounding_cap(vectors, balls, begin, end, cap, support):  # type: ignore[no-u
     degrees holds them; the axis is then the first vector.
     """
     for k in range(3):
-        support[0, k] = cap[k] = vectors[begin, k]
+        support[0, k] = cap[k] = vectors[k, begin]
     cap[3] = 0.0
     rows, stalls = 1, 0
     best, x, y, z = RIGHT_ANGLE, cap[0], cap[1], cap[2]
@@ -76,7 +99,7 @@ def bounding_cap(vectors, balls, begin, end, cap, support):  # type: ignore[no-u
         if largest <= least * (1.0 + INSIDE) or stalls == MAX_STALLS:
             break
         for k in range(3):
-            support[rows, k] = vectors[farthest, k]
+            support[rows, k] = vectors[k, farthest]
         rows = cap_with_pivot(support, rows + 1, cap)
         if rows == 0:
             break
@@ -84,7 +107,7 @@ def bounding_cap(vectors, balls, begin, end, cap, support):  # type: ignore[no-u
     if best < RIGHT_ANGLE:
         cap[0], cap[1], cap[2], cap[3] = x, y, z, 1.0 - 0.5 * best
     else:
-        cap[0], cap[1], cap[2], cap[3] = vectors[begin, 0], vectors[begin, 1], vectors[begin, 2], EVERYTHING
+        cap[0], cap[1], cap[2], cap[3] = vectors[0, begin], vectors[1, begin], vectors[2, begin], EVERYTHING
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -107,34 +130,38 @@ def sine_of(cosine):  # type: ignore[no-untyped-def]
 
 @nb.njit(cache=True, nogil=True, parallel=True)
 def unit_vectors(normals):  # type: ignore[no-untyped-def]
-    """Normalise normals (N, 3) in float64: stored ones are off unit length by more than a narrow cosine off 1."""
-    vectors = np.empty((len(normals), 3), np.float64)
+    """Normalise normals (N, 3) in float64: stored ones are off unit length by more than a narrow cosine off 1.
+
+    Returns float64 (3, N): the farthest of some is found several at a time.
+    """
+    vectors = np.empty((3, len(normals)), np.float64)
     for i in nb.prange(len(normals)):
         x, y, z = np.float64(normals[i, 0]), np.float64(normals[i, 1]), np.float64(normals[i, 2])
         norm = math.sqrt(x * x + y * y + z * z)
-        vectors[i, 0], vectors[i, 1], vectors[i, 2] = x / norm, y / norm, z / norm
+        vectors[0, i], vectors[1, i], vectors[2, i] = x / norm, y / norm, z / norm
     return vectors
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
 def balls_of_chunks(vectors):  # type: ignore[no-untyped-def]
-    """Return a ball around every CHUNK of unit vectors (N, 3): centre and radius, float64 (-(-N // CHUNK), 4).
+    """Return a ball around every CHUNK of unit vectors (3, N): centre and radius, float64 (-(-N // CHUNK), 4).
 
     A neighbourhood's normals have much in common: of most chunks the ball tells that none is the farthest.
     """
-    balls = np.empty((-(-len(vectors) // CHUNK), 4), np.float64)
+    count = vectors.shape[1]
+    balls = np.empty((-(-count // CHUNK), 4), np.float64)
     for chunk in nb.prange(len(balls)):
-        begin, end = chunk * CHUNK, min((chunk + 1) * CHUNK, len(vectors))
+        begin, end = chunk * CHUNK, min((chunk + 1) * CHUNK, count)
         for k in range(3):
-            low = high = vectors[begin, k]
+            low = high = vectors[k, begin]
             for i in range(begin + 1, end):
-                low, high = min(low, vectors[i, k]), max(high, vectors[i, k])
+                low, high = min(low, vectors[k, i]), max(high, vectors[k, i])
             balls[chunk, k] = 0.5 * (low + high)
         reach2 = 0.0
         for i in range(begin, end):
             d2 = 0.0
             for k in range(3):
-                d2 += (vectors[i, k] - balls[chunk, k]) ** 2
+                d2 += (vectors[k, i] - balls[chunk, k]) ** 2
             reach2 = max(reach2, d2)
         # Rounded up by more than distances are off by.
         balls[chunk, 3] = math.sqrt(reach2) * (1.0 + 1e-12) + 1e-15
