@@ -15,7 +15,7 @@ from hierarchy.borrowing import BORROWING
 from hierarchy.dealing import DEALT, block_count, nodes_of
 from hierarchy.enclosing import INSIDE, MAX_PASSES, MAX_STALLS, RIGHT_ANGLE, cap_with_pivot
 from hierarchy.extremes import NEVER_NAN, larger
-from hierarchy.model import Float32Array, Int32Array
+from hierarchy.model import Float32Array, Float64Array, Int32Array
 
 # cone_cos of a cone that contains everything (half-angle >= 90 degrees).
 EVERYTHING = -1.0
@@ -129,16 +129,20 @@ def sine_of(cosine):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def unit_vectors(normals):  # type: ignore[no-untyped-def]
-    """Normalise normals (N, 3) in float64: stored ones are off unit length by more than a narrow cosine off 1.
-
-    Returns float64 (3, N): the farthest of some is found several at a time.
-    """
-    vectors = np.empty((3, len(normals)), np.float64)
+def _normalise(normals, vectors):  # type: ignore[no-untyped-def]
     for i in nb.prange(len(normals)):
         x, y, z = np.float64(normals[i, 0]), np.float64(normals[i, 1]), np.float64(normals[i, 2])
         norm = math.sqrt(x * x + y * y + z * z)
         vectors[0, i], vectors[1, i], vectors[2, i] = x / norm, y / norm, z / norm
+
+
+def unit_vectors(normals: Float32Array) -> Float64Array:
+    """Normalise normals (N, 3) in float64: stored ones are off unit length by more than a narrow cosine off 1.
+
+    Returns float64 (3, N): the farthest of some is found several at a time.
+    """
+    vectors = np.empty((3, len(normals)))
+    _normalise(normals, vectors)
     return vectors
 
 
@@ -169,12 +173,9 @@ def balls_of_chunks(vectors):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _cones(normals, begin, end):  # type: ignore[no-untyped-def]
+def _cones(vectors, begin, end, axes, cosines):  # type: ignore[no-untyped-def]
     nodes = len(begin)
-    vectors = unit_vectors(normals)
     balls = balls_of_chunks(vectors)
-    axes = np.empty((nodes, 3), np.float32)
-    cosines = np.empty(nodes, np.float32)
     for hand in nb.prange(len(DEALT)):
         support, cap = np.empty((4, 3)), np.empty(4)
         for block in range(DEALT[hand], block_count(nodes), len(DEALT)):
@@ -182,7 +183,6 @@ def _cones(normals, begin, end):  # type: ignore[no-untyped-def]
                 bounding_cap(vectors, balls, begin[node], end[node], cap, support)
                 axes[node, 0], axes[node, 1], axes[node, 2] = cap[0], cap[1], cap[2]
                 cosines[node] = widened_cosine(cap[3])
-    return axes, cosines
 
 
 def normal_cones(normals: Float32Array, begin: Int32Array, end: Int32Array) -> tuple[Float32Array, Float32Array]:
@@ -192,4 +192,6 @@ def normal_cones(normals: Float32Array, begin: Int32Array, end: Int32Array) -> t
     begin, end : int32 (M,), node i holds normals[begin[i]:end[i]], not empty
     A cosine of `EVERYTHING` says that the half-angle is 90 degrees or more.
     """
-    return _cones(normals, begin, end)  # type: ignore[no-any-return]
+    axes, cosines = np.empty((len(begin), 3), np.float32), np.empty(len(begin), np.float32)
+    _cones(unit_vectors(normals), begin, end, axes, cosines)
+    return axes, cosines

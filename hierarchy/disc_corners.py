@@ -8,6 +8,7 @@ import numpy as np
 from hierarchy.borrowing import BORROWING
 from hierarchy.extremes import NEVER_NAN, larger, smaller
 from hierarchy.leaves import SURFEL_CORNERS, corner
+from hierarchy.model import Int32Array, UInt8Array
 
 # Triangles that are passed over together where none has a vertex from before.
 CHUNK = 16
@@ -16,29 +17,30 @@ LONG_AGO = 255
 
 
 @nb.njit(cache=True, nogil=True)
-def first_vertices(corners, vertices):  # type: ignore[no-untyped-def]
-    """Tell where triangles' vertices are used, which are in the order of first use.
-
-    corners : int32 (3 N,), the vertices of all triangles in a row; vertices : how many there are
-    Returns `corners`; which vertex is the first that no triangle before each one, nor before the end, has, int32
-    (N + 1,); the least vertex of every CHUNK of triangles, int32 (-(-N // CHUNK),); and how many corners back every
-    corner's vertex was used last, LONG_AGO at most, uint8 (3 N,).
-    """
-    count = len(corners) // 3
-    first = np.empty(count + 1, np.int32)
-    least = np.full(-(-count // CHUNK), vertices, np.int32)
-    back = np.empty(3 * count, np.uint8)
-    used = np.full(vertices, -LONG_AGO, np.int64)
+def _note_uses(corners, used, first, least, back):  # type: ignore[no-untyped-def]
     unused = 0
-    for i in range(count):
+    for i in range(len(first) - 1):
         first[i] = unused
         for k in range(3 * i, 3 * i + 3):
             back[k] = min(k - used[corners[k]], LONG_AGO)
             used[corners[k]] = k
             least[i // CHUNK] = min(least[i // CHUNK], corners[k])
             unused = max(unused, corners[k] + 1)
-    first[count] = unused
-    return corners, first, least, back
+    first[len(first) - 1] = unused
+
+
+def vertex_uses(indices: Int32Array, vertices: int) -> tuple[Int32Array, Int32Array, Int32Array, UInt8Array]:
+    """Tell where triangles' vertices are used, which are in the order of first use.
+
+    indices : int32 (N, 3); vertices : how many there are
+    Returns the vertices of all triangles in a row, int32 (3 N,); which one is the first that no triangle before each
+    one, nor before the end, has, int32 (N + 1,); the least one of every CHUNK of triangles, int32 (-(-N // CHUNK),);
+    and how many corners back every corner's was used last, LONG_AGO at most, uint8 (3 N,).
+    """
+    first, back = np.empty(len(indices) + 1, np.int32), np.empty(3 * len(indices), np.uint8)
+    least = np.full(-(-len(indices) // CHUNK), vertices, np.int32)
+    _note_uses(indices.ravel(), np.full(vertices, -LONG_AGO, np.int64), first, least, back)
+    return indices.ravel(), first, least, back
 
 
 @nb.njit(**BORROWING)
@@ -78,7 +80,7 @@ def _project(positions, low, high, origin, frame, points):  # type: ignore[no-un
 def corners_in_frame(shapes, vertices, begin, end, origin, frame, points, older):  # type: ignore[no-untyped-def]
     """Write every corner of the leaves [begin, end) to points, vertices of the triangles among them mostly but once.
 
-    shapes : positions, indices, radii and normals of the leaves; vertices : as `first_vertices` returns them
+    shapes : positions, indices, radii and normals of the leaves; vertices : as `vertex_uses` returns them
     origin : three floats; frame : nine, the disc's tangents and its normal
     points : float64 (3, >= P), receives u, v and h in the disc's frame
     older : int32 (> P,), to work in

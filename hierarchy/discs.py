@@ -16,12 +16,12 @@ from hierarchy.borrowing import BORROWING
 from hierarchy.boxes import TURNS, tight_box
 from hierarchy.circles import smallest_circle
 from hierarchy.dealing import DEALT, block_count, most_leaves, nodes_of
-from hierarchy.disc_corners import corners_in_frame, first_vertices, low_and_high, reaches
+from hierarchy.disc_corners import corners_in_frame, low_and_high, reaches, vertex_uses
 from hierarchy.frames import tangents
 from hierarchy.leaves import SURFEL_CORNERS, LeafShapes
 from hierarchy.model import Float32Array
 from hierarchy.octree import Octree
-from hierarchy.planes import mean_normal, plane_sums
+from hierarchy.planes import mean_normal, write_plane_sums
 
 # Radii are stored as float32 and read beside tangents of float32 normals: more than both are off by.
 ROUNDED_UP = 1.0 + 1e-6
@@ -31,7 +31,7 @@ ROUNDED_UP = 1.0 + 1e-6
 def _disc(node, shapes, vertices, centres, begin, end, axes, sums, results, work):  # type: ignore[no-untyped-def]
     """Fit a disc to the leaves [begin, end) of a node, and write it to its rows of the results.
 
-    sums : as `plane_sums` returns them; results : centres, normals, sizes and boxes; work : arrays to work in
+    sums : as `write_plane_sums` writes them; results : centres, normals, sizes and boxes; work : arrays to work in
     """
     centre, normal, size, boxes = results
     points, circle, support, ends, older = work
@@ -64,13 +64,10 @@ def _disc(node, shapes, vertices, centres, begin, end, axes, sums, results, work
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _discs(shapes, centres, areas, octree, axes):  # type: ignore[no-untyped-def]
+def _discs(shapes, vertices, centres, areas, octree, axes, sums, results):  # type: ignore[no-untyped-def]
     begin, end = octree[2], octree[3]
     nodes = len(begin)
-    vertices = first_vertices(shapes[1].ravel(), len(shapes[0]))
-    sums = plane_sums(shapes[3], centres, areas, octree)
-    centres_of, normals_of = np.empty((nodes, 3), np.float32), np.empty((nodes, 3), np.float32)
-    results = (centres_of, normals_of, np.empty((nodes, 3), np.float32), np.empty((nodes, 4), np.float32))
+    write_plane_sums(shapes[3], centres, areas, octree, sums)
     corners = 3 if len(shapes[1]) > 0 else SURFEL_CORNERS
     blocks = block_count(nodes)
     for hand in nb.prange(len(DEALT)):
@@ -80,7 +77,6 @@ def _discs(shapes, centres, areas, octree, axes):  # type: ignore[no-untyped-def
         for block in range(DEALT[hand], blocks, len(DEALT)):
             for node in range(*nodes_of(block, nodes)):
                 _disc(node, shapes, vertices, centres, begin[node], end[node], axes, sums, results, work)
-    return results
 
 
 def node_discs(
@@ -96,4 +92,9 @@ def node_discs(
     """
     s = shapes
     topology = octree.first_child, octree.child_count, octree.leaf_begin, octree.leaf_end
-    return _discs((s.positions, s.indices, s.radii, s.normals), s.centres, s.areas, topology, axes)  # type: ignore[no-any-return]
+    nodes = len(axes)
+    centres, normals, sizes, boxes = (np.empty((nodes, columns), np.float32) for columns in (3, 3, 3, 4))
+    arrays, vertices = (s.positions, s.indices, s.radii, s.normals), vertex_uses(s.indices, len(s.positions))
+    sums, results = np.empty((nodes, 7)), (centres, normals, sizes, boxes)
+    _discs(arrays, vertices, s.centres, s.areas, topology, axes, sums, results)
+    return results

@@ -26,7 +26,7 @@ from hierarchy.cones import EVERYTHING, sine_of, widened_cosine
 from hierarchy.joined_cones import angle_between, cap_holds, join_cone, join_farthest_first
 from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
-from hierarchy.near_nodes import LONGEST, boxes_of_discs, hand_down, nodes_with_leaves, reaches
+from hierarchy.near_nodes import LONGEST, hand_down, note_hanging_leaves, reaches, write_boxes_of_discs
 from hierarchy.patches import DEEPEST, FEW, SIZES, TOO_MANY, gather, measure_patch, patch_room
 from hierarchy.under_discs import BORDER, FAR_SIDE, REACH, RIM_POINTS, approach_rim, leaf_is_under, write_rim
 
@@ -303,8 +303,9 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _measure(nodes, discs, shapes, closed, caps, reliefs):  # type: ignore[no-untyped-def]
-    families = nodes_with_leaves(nodes), boxes_of_discs(nodes)
+def _measure(nodes, discs, shapes, closed, families, caps, reliefs):  # type: ignore[no-untyped-def]
+    note_hanging_leaves(nodes, families[0])
+    write_boxes_of_discs(nodes, families[1])
     nothing = np.empty(0, np.int32)
     most = nodes[0]["leaf_end"] // SUBTREES
     subtrees = _measure_below(nodes, families, 0, nothing, discs, shapes, closed, most, caps, reliefs)
@@ -334,4 +335,5 @@ def measure_footprints(
     s = shapes
     arrays = (s.positions, s.indices, s.normals, s.centres, s.extents)
     caps, reliefs = np.empty((len(nodes), 4)), np.empty(len(nodes), np.float32)
-    _measure(nodes, (disc_normals, np.ascontiguousarray(thickness)), arrays, closed, caps, reliefs)
+    families = np.empty(len(nodes), np.bool_), np.empty((len(nodes), 6), np.float32)
+    _measure(nodes, (disc_normals, np.ascontiguousarray(thickness)), arrays, closed, families, caps, reliefs)

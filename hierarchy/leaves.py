@@ -115,22 +115,15 @@ def _centroid(positions, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _centroids(positions, faces):  # type: ignore[no-untyped-def]
-    centres = np.empty((len(faces), 3), np.float32)
+def _centroids(positions, faces, centres):  # type: ignore[no-untyped-def]
     for i in nb.prange(len(faces)):
         x, y, z = _centroid(positions, faces[i, 0], faces[i, 1], faces[i, 2])
         centres[i, 0], centres[i, 1], centres[i, 2] = x, y, z
-    return centres
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
-    count = len(faces)
-    normals = np.empty((count, 3), np.float32)
-    centres = np.empty((count, 3), np.float32)
-    areas = np.empty(count, np.float64)
-    extents = np.empty(count, np.float32)
-    for i in nb.prange(count):
+def _measure_triangles(positions, faces, normals, centres, areas, extents):  # type: ignore[no-untyped-def]
+    for i in nb.prange(len(faces)):
         a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
         px, py, pz = np.float64(positions[a, 0]), np.float64(positions[a, 1]), np.float64(positions[a, 2])
         ux, uy, uz = positions[b, 0] - px, positions[b, 1] - py, positions[b, 2] - pz
@@ -150,7 +143,22 @@ def _triangle_shapes(positions, faces):  # type: ignore[no-untyped-def]
             extent2 = max(extent2, np.float64(x) * x + np.float64(y) * y + np.float64(z) * z)
         # Rounded up: a sphere that holds its triangle but for the last bit would be of no use.
         extents[i] = math.sqrt(extent2) * (1.0 + 1e-6)
-    return normals, centres, areas, extents
+
+
+def triangle_shapes(positions: Float32Array, faces: Int32Array) -> LeafShapes:
+    """Measure triangles: positions float32 (V, 3), faces int32 (N, 3)."""
+    count = len(faces)
+    shapes = LeafShapes(
+        positions=positions,
+        indices=faces,
+        radii=np.empty(0, np.float32),
+        normals=np.empty((count, 3), np.float32),
+        centres=np.empty((count, 3), np.float32),
+        areas=np.empty(count, np.float64),
+        extents=np.empty(count, np.float32),
+    )
+    _measure_triangles(positions, faces, shapes.normals, shapes.centres, shapes.areas, shapes.extents)
+    return shapes
 
 
 @nb.njit(cache=True, nogil=True)
@@ -181,9 +189,11 @@ def _rows(array: AnyArray, which: Int32Array) -> AnyArray:
 def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, UInt16Array]:
     """Put a mesh's triangles into Morton order; return them, their shapes and the steps between them."""
     # Only what they are sorted by is measured before: the rest need not be brought into another order then.
-    order, steps = morton_order(_centroids(mesh.positions, mesh.faces))
+    centroids = np.empty((len(mesh.faces), 3), np.float32)
+    _centroids(mesh.positions, mesh.faces, centroids)
+    order, steps = morton_order(centroids)
     indices = _rows(mesh.faces, order)
-    del order
+    del order, centroids
     old_from_new = _number_by_first_use(indices, len(mesh.positions))
     triangles = Triangles(
         _rows(mesh.positions, old_from_new),
@@ -191,9 +201,7 @@ def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, UInt16Array]:
         indices,
         None if mesh.colors is None else _rows(mesh.colors, old_from_new),
     )
-    normals, centres, areas, extents = _triangle_shapes(triangles.positions, indices)
-    shapes = LeafShapes(triangles.positions, indices, np.empty(0, np.float32), normals, centres, areas, extents)
-    return triangles, shapes, steps
+    return triangles, triangle_shapes(triangles.positions, indices), steps
 
 
 def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, UInt16Array]:

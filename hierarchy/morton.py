@@ -45,11 +45,9 @@ def _code(points, i, low, scale):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _codes(points, low, scale):  # type: ignore[no-untyped-def]
-    codes = np.empty(len(points), np.uint64)
+def _codes(points, low, scale, codes):  # type: ignore[no-untyped-def]
     for i in nb.prange(len(points)):
         codes[i] = _code(points, i, low, scale)
-    return codes
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
@@ -76,7 +74,9 @@ def morton_codes(points: Float32Array) -> npt.NDArray[np.uint64]:
     extent = float((bounds[3:] - low).max())
     # The largest coordinate falls on CELLS and is clamped into the last cell.
     scale = CELLS / extent if extent > 0.0 else 0.0
-    return _codes(points, low, scale)  # type: ignore[no-any-return]
+    codes = np.empty(len(points), np.uint64)
+    _codes(points, low, scale, codes)
+    return codes
 
 
 def morton_order(points: Float32Array) -> tuple[Int32Array, UInt16Array]:

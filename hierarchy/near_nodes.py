@@ -29,22 +29,19 @@ def reaches(node, x, y, z, radius):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def nodes_with_leaves(nodes):  # type: ignore[no-untyped-def]
-    """Return for every node whether leaves hang on it that are in none of its children, bool (M,)."""
-    hanging = np.empty(len(nodes), np.bool_)
+def note_hanging_leaves(nodes, hanging):  # type: ignore[no-untyped-def]
+    """Write for every node whether leaves hang on it that are in none of its children to hanging, bool (M,)."""
     for node in nb.prange(len(nodes)):
         count = nodes[node]["leaf_end"] - nodes[node]["leaf_begin"]
         first = nodes[node]["first_child"]
         for child in range(first, first + nodes[node]["child_count"]):
             count -= nodes[child]["leaf_end"] - nodes[child]["leaf_begin"]
         hanging[node] = count > 0
-    return hanging
 
 
 @nb.njit(cache=True, nogil=True)
-def boxes_of_discs(nodes):  # type: ignore[no-untyped-def]
-    """Return boxes around what may be under every node's disc and of all discs below it, float32 (M, 6): low, high."""
-    boxes = np.empty((len(nodes), 6), np.float32)
+def write_boxes_of_discs(nodes, boxes):  # type: ignore[no-untyped-def]
+    """Write boxes around what may be under every node's disc and all discs below it, float32 (M, 6): low, high."""
     for node in range(len(nodes) - 1, -1, -1):
         me = nodes[node]
         # Float32 rounds the ends by no more than that: model space is about one unit large.
@@ -55,7 +52,6 @@ def boxes_of_discs(nodes):  # type: ignore[no-untyped-def]
             for child in range(first, first + me["child_count"]):
                 low, high = min(low, boxes[child, axis]), max(high, boxes[child, 3 + axis])
             boxes[node, axis], boxes[node, 3 + axis] = low, high
-    return boxes
 
 
 @nb.njit(**BORROWING)
@@ -89,7 +85,7 @@ def _hanging_leaf_meets(nodes, node, shapes, box):  # type: ignore[no-untyped-de
 def hand_down(nodes, families, shapes, parent, child, entries, count, near):  # type: ignore[no-untyped-def]
     """Write what is near a node's child to `near`, int32 (LONGEST,); return how many entries that is.
 
-    families : what `nodes_with_leaves` and `boxes_of_discs` return
+    families : what `note_hanging_leaves` and `write_boxes_of_discs` write
     shapes : positions, indices, normals, centres and extents of the leaves
     entries, count : what is near the parent
     """

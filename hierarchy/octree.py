@@ -55,18 +55,18 @@ ONE_PLACE, UNKNOWN = -1, -2
 
 
 @nb.njit(cache=True, nogil=True)
-def _divisions(steps):  # type: ignore[no-untyped-def]
-    """Return where cells are divided: for every step where the cells before and behind it are, int32 (N,) each.
+def _divisions(steps, before, behind, stack):  # type: ignore[no-untyped-def]
+    """Find where cells are divided: for every step where the cells before and behind it are, int32 (N,) each.
 
     A cell is divided where its leaves take the step of the highest bit: that is the root of the Cartesian tree of its
     steps (Vuillemin 1980), which a stack builds in one go. The first step is none: behind it is where the whole is.
+    before, behind : written to; stack : int32 (N,), to work in
     """
-    before = np.full(len(steps), ONE_PLACE, np.int32)
-    behind = np.full(len(steps), ONE_PLACE, np.int32)
     # The steps on the way to the last one, each from that behind the one under it.
-    stack = np.empty(len(steps), np.int32)
+    before[0], behind[0] = ONE_PLACE, ONE_PLACE
     stack[0], top = 0, 1
     for i in range(1, len(steps)):
+        before[i], behind[i] = ONE_PLACE, ONE_PLACE
         if steps[i] == SAME_PLACE:
             continue
         last = ONE_PLACE
@@ -77,7 +77,6 @@ def _divisions(steps):  # type: ignore[no-untyped-def]
         behind[stack[top - 1]] = i
         stack[top] = i
         top += 1
-    return before, behind
 
 
 @nb.njit(cache=True, nogil=True)
@@ -91,16 +90,16 @@ def _division(steps, low, high):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _build(steps, min_leaves):  # type: ignore[no-untyped-def]
+def _build(steps, min_leaves, divisions, octree):  # type: ignore[no-untyped-def]
+    """Write first_child, child_count, begin and end of every node, and where it is divided, to int32 (N + 1,) each.
+
+    divisions : int32 (N,) three times, to work in
+    Returns how many nodes there are.
+    """
     count = len(steps)
-    before, behind = _divisions(steps)
-    # A chain of nodes can shed fewer than min_leaves leaves at every step: at worst one.
-    capacity = count + 1
-    first_child = np.empty(capacity, np.int32)
-    child_count = np.empty(capacity, np.int32)
-    begin = np.empty(capacity, np.int32)
-    end = np.empty(capacity, np.int32)
-    divided_at = np.empty(capacity, np.int32)
+    before, behind, stack = divisions
+    _divisions(steps, before, behind, stack)
+    first_child, child_count, begin, end, divided_at = octree
     begin[0], end[0], divided_at[0] = 0, count, behind[0]
     nodes = 1
     node = 0
@@ -129,7 +128,7 @@ def _build(steps, min_leaves):  # type: ignore[no-untyped-def]
             nodes += 1
         child_count[node] = nodes - first_child[node]
         node += 1
-    return first_child[:nodes].copy(), child_count[:nodes].copy(), begin[:nodes].copy(), end[:nodes].copy()
+    return nodes
 
 
 def build_octree(steps: UInt16Array, min_leaves: int = MIN_LEAVES) -> Octree:
@@ -141,7 +140,11 @@ def build_octree(steps: UInt16Array, min_leaves: int = MIN_LEAVES) -> Octree:
     """
     if len(steps) == 0:
         raise ValueError("an octree needs at least one leaf")
-    return Octree(*_build(steps, max(2, min_leaves)))
+    count = len(steps)
+    # A chain of nodes can shed fewer than min_leaves leaves at every step: at worst one.
+    octree = tuple(np.empty(count + 1, np.int32) for _ in range(5))
+    nodes = _build(steps, max(2, min_leaves), tuple(np.empty(count, np.int32) for _ in range(3)), octree)
+    return Octree(*(array[:nodes].copy() for array in octree[:4]))
 
 
 # Nodes from which on it is worth waking threads, which on a busy machine takes as long as some thousand nodes do.

@@ -128,13 +128,15 @@ def _flagged(flags, words, count, which):  # type: ignore[no-untyped-def]
     """
     for k in range(count, -(-count // EIGHT) * EIGHT):
         flags[k] = 0
-    found = 0
+    # Of unsigned numbers the compiler knows that they do not count from an array's end.
+    found = np.uint64(0)
     for word in range(-(-count // EIGHT)):
         if words[word] != 0:
-            for k in range(word * EIGHT, (word + 1) * EIGHT):
-                which[found] = k
-                found += flags[k]
-    return found
+            first = np.uint64(word) * np.uint64(EIGHT)
+            for k in range(EIGHT):
+                which[found] = first + np.uint64(k)
+                found += flags[first + np.uint64(k)]
+    return np.int64(found)
 
 
 @nb.njit(**BORROWING)
@@ -250,7 +252,8 @@ def _footprint(nodes, node, discs, shapes, closed, level, count, room, cap):  # 
         i = which[k]
         which[k] = leaves[i]
         x, y, z = np.float64(rows[NX + i]), np.float64(rows[NY + i]), np.float64(rows[NZ + i])
-        unit = 1.0 / math.sqrt(x * x + y * y + z * z)
+        # One over the length, of normals that are unit but for the rounding of float32.
+        unit = 1.5 - 0.5 * (x * x + y * y + z * z)
         x, y, z = unit * x, unit * y, unit * z
         vectors[collected, 0], vectors[collected, 1], vectors[collected, 2] = x, y, z
         collected += cap[0] * x + cap[1] * y + cap[2] * z < cap[3]

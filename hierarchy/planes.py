@@ -41,12 +41,11 @@ def _add_below(normals, centres, areas, octree, node, sums):  # type: ignore[no-
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def plane_sums(normals, centres, areas, octree):  # type: ignore[no-untyped-def]
-    """Return every node's sums of area * normal, area and area * centre over its leaves, float64 (M, 7).
+def write_plane_sums(normals, centres, areas, octree, sums):  # type: ignore[no-untyped-def]
+    """Write every node's sums of area * normal, area and area * centre over its leaves to sums, float64 (M, 7).
 
     octree : first_child, child_count, leaf_begin and leaf_end
     """
-    sums = np.empty((len(octree[0]), 7))
     ends = generations(octree[0], octree[1])
     for k in range(len(ends) - 1):
         if ends[k] - ends[k + 1] < WORTH_SHARING:
@@ -55,7 +54,6 @@ def plane_sums(normals, centres, areas, octree):  # type: ignore[no-untyped-def]
             continue
         for node in nb.prange(ends[k + 1], ends[k]):
             _add_below(normals, centres, areas, octree, node, sums)
-    return sums
 
 
 @nb.njit(**BORROWING)

@@ -28,12 +28,10 @@ def _digit(code, shift):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _sort(codes):  # type: ignore[no-untyped-def]
+def _sort(codes, order, spare_codes, spare_order):  # type: ignore[no-untyped-def]
     count = len(codes)
     pieces = min(PIECES, count // PIECE + 1)
     size = -(-count // pieces)
-    order = np.arange(count).astype(np.int32)
-    spare_order, spare_codes = np.empty_like(order), np.empty_like(codes)
     places = np.empty((pieces, BUCKETS), np.int64)
     for digit in range(DIGITS):
         shift = np.uint64(digit * DIGIT_BITS)
@@ -70,4 +68,5 @@ def sort_codes(codes: npt.NDArray[np.uint64]) -> tuple[Int32Array, npt.NDArray[n
     codes : uint64 (N,), N < 2^31; used to work in, so of no meaning afterwards
     Returns the order, int32 (N,), and the sorted codes, uint64 (N,).
     """
-    return _sort(codes)  # type: ignore[no-any-return]
+    order = np.arange(len(codes), dtype=np.int32)
+    return _sort(codes, order, np.empty_like(codes), np.empty_like(order))  # type: ignore[no-any-return]

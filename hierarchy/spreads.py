@@ -66,14 +66,13 @@ def _add_below(normals, indices, areas, octree, node, sums):  # type: ignore[no-
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _own_spreads(normals, indices, areas, octree):  # type: ignore[no-untyped-def]
-    """Return every node's area, that times its normals' mean square angle to their mean, and `_add_leaf`'s last sum.
+def _own_spreads(normals, indices, areas, octree, sums, own):  # type: ignore[no-untyped-def]
+    """Write every node's area, that times its normals' mean square angle to their mean, and `_add_leaf`'s last sum.
 
     octree : first_child, child_count, leaf_begin and leaf_end
-    Returns float64 (M,) three times, the last over the leaves that hang on the node.
+    sums : float64 (M, 5), to work in; own : float64 (M,) three times, the last over the leaves that hang on the node
     """
-    nodes = len(octree[0])
-    sums = np.empty((nodes, 5))
+    total, squares, hanging = own
     ends = generations(octree[0], octree[1])
     for k in range(len(ends) - 1):
         if ends[k] - ends[k + 1] < WORTH_SHARING:
@@ -82,28 +81,25 @@ def _own_spreads(normals, indices, areas, octree):  # type: ignore[no-untyped-de
             continue
         for node in nb.prange(ends[k + 1], ends[k]):
             _add_below(normals, indices, areas, octree, node, sums)
-    squares = np.empty(nodes)
-    for node in nb.prange(nodes):
+    for node in nb.prange(len(sums)):
         x, y, z, area = sums[node, 0], sums[node, 1], sums[node, 2], sums[node, 3]
         # A mean of unit vectors at small angles s to it has a length of 1 - s^2 / 2.
         mean = math.sqrt(x * x + y * y + z * z) / area if area > 0.0 else 1.0
         squares[node] = area * max(2.0 * (1.0 - mean), 0.0)
-    return sums[:, 3].copy(), squares, sums[:, 4].copy()
+        total[node], hanging[node] = area, sums[node, 4]
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _one_level_below(first_child, child_count, squares, hanging, share):  # type: ignore[no-untyped-def]
-    """Return each node's sum over its children, and over the leaves that hang on it.
+def _one_level_below(first_child, child_count, squares, hanging, share, below):  # type: ignore[no-untyped-def]
+    """Write each node's sum over its children, and over the leaves that hang on it, to below.
 
     share : of the mean square angle of a whole leaf that is left at this level
     """
-    sums = np.empty(len(squares))
     for node in nb.prange(len(squares)):
         total = share * hanging[node]
         for child in range(first_child[node], first_child[node] + child_count[node]):
             total += squares[child]
-        sums[node] = total
-    return sums
+        below[node] = total
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
@@ -121,13 +117,16 @@ def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes) -> UInt16
     first_child, child_count = octree.first_child, octree.child_count
     topology = first_child, child_count, octree.leaf_begin, octree.leaf_end
     normals = leaves.normals if isinstance(leaves, Triangles) else shapes.normals
-    areas, squares, of_hanging = _own_spreads(normals, shapes.indices, shapes.areas, topology)
-    spreads = np.empty((len(first_child), SCALES), np.uint16)
+    nodes = len(first_child)
+    areas, squares, hanging, below = (np.empty(nodes) for _ in range(4))
+    _own_spreads(normals, shapes.indices, shapes.areas, topology, np.empty((nodes, 5)), (areas, squares, hanging))
+    spreads = np.empty((nodes, SCALES), np.uint16)
     # Half the size has half the angle, so every level halves its square.
     share = 1.0
     for scale in range(SCALES):
         _store(areas, squares, spreads[:, scale])
         for _ in range(LEVELS_PER_SCALE if scale + 1 < SCALES else 0):
-            squares = _one_level_below(first_child, child_count, squares, of_hanging, share)
+            _one_level_below(first_child, child_count, squares, hanging, share, below)
+            squares, below = below, squares
             share *= 0.5
     return spreads
