@@ -66,13 +66,13 @@ def _add_below(normals, indices, areas, octree, node, sums):  # type: ignore[no-
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _own_spreads(normals, indices, areas, octree, sums, own):  # type: ignore[no-untyped-def]
+def _own_spreads(normals, indices, areas, octree, sums, total, squares, hanging):  # type: ignore[no-untyped-def]
     """Write every node's area, that times its normals' mean square angle to their mean, and `_add_leaf`'s last sum.
 
     octree : first_child, child_count, leaf_begin and leaf_end
-    sums : float64 (M, 5), to work in; own : float64 (M,) three times, the last over the leaves that hang on the node
+    sums : float64 (M, 5), to work in
+    total, squares, hanging : float64 (M,), written to; the last is over the leaves that hang on the node
     """
-    total, squares, hanging = own
     ends = generations(octree[0], octree[1])
     for k in range(len(ends) - 1):
         if ends[k] - ends[k + 1] < WORTH_SHARING:
@@ -119,7 +119,7 @@ def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes) -> UInt16
     normals = leaves.normals if isinstance(leaves, Triangles) else shapes.normals
     nodes = len(first_child)
     areas, squares, hanging, below = (np.empty(nodes) for _ in range(4))
-    _own_spreads(normals, shapes.indices, shapes.areas, topology, np.empty((nodes, 5)), (areas, squares, hanging))
+    _own_spreads(normals, shapes.indices, shapes.areas, topology, np.empty((nodes, 5)), areas, squares, hanging)
     spreads = np.empty((nodes, SCALES), np.uint16)
     # Half the size has half the angle, so every level halves its square.
     share = 1.0
