@@ -13,6 +13,7 @@ import numpy as np
 
 from hierarchy.borrowing import BORROWING
 from hierarchy.encoding import BYTE_SCALE
+from hierarchy.extremes import larger
 
 # What a coarser tile may be off anywhere, in radians, and in grey levels of a colour.
 WORST, WORST_COLOR = math.radians(6.0), 24.0
@@ -78,35 +79,46 @@ def _colors_off(lines, low, share, values, own, off):  # type: ignore[no-untyped
 
 
 @nb.njit(**BORROWING)
-def _sum_off(off, firsts):  # type: ignore[no-untyped-def]
-    """Return the sum over the texels of the disc, row by row, the largest, and how many they are."""
+def _sum_off(off, firsts, tallies):  # type: ignore[no-untyped-def]
+    """Return the sum over the texels of the disc, the largest, and how many they are.
+
+    tallies : float32 (2, w), to work in: a sum and a largest for each row, so that columns are added as they lie
+    """
     texels = len(firsts)
-    total, most, count = np.float32(0.0), np.float32(0.0), 0
+    sums, largest = tallies[0], tallies[1]
+    sums[:] = 0.0
+    largest[:] = 0.0
+    count = 0
+    for x in range(texels):
+        # Columns of a disc begin where its rows do.
+        count += texels - 2 * firsts[x]
+        column = off[x * texels :]
+        for y in range(firsts[x], texels - firsts[x]):
+            sums[y] += column[y]
+            largest[y] = larger(largest[y], column[y])
+    total, most = np.float32(0.0), np.float32(0.0)
     for y in range(texels):
-        count += texels - 2 * firsts[y]
-        for x in range(firsts[y], texels - firsts[y]):
-            total += off[x * texels + y]
-            most = max(most, off[x * texels + y])
+        total, most = total + sums[y], larger(most, largest[y])
     return total, most, count
 
 
 @nb.njit(**BORROWING, error_model="numpy")
-def error_of_fit(values, units, low, share, firsts, side, fitted, own, lines, off):  # type: ignore[no-untyped-def]
+def error_of_fit(values, units, low, share, firsts, side, fitted, own, lines, off, tallies):  # type: ignore[no-untyped-def]
     """Return by how much a coarser tile, looked up as the shader does, differs from a tile.
 
     side : of the coarser tile; 1: one value everywhere
     own : float32 (3,), the colour that shows where alpha is 0
-    lines, off : float32 (C, side or more, w) and (w^2,) to work in
+    lines, off, tallies : float32 (C, side or more, w), (w^2,) and (2, w) to work in
 
     Returns the root of the mean square in radians, that of colours counted as `LEVEL` each, and whether it is off
     nowhere by more than `WORST` and `WORST_COLOR`.
     """
     _look_up(fitted, side, low, share, lines)
     _normals_off(lines, low, share, units, off)
-    total, most, count = _sum_off(off, firsts)
+    total, most, count = _sum_off(off, firsts, tallies)
     total_color, most_color = np.float32(0.0), np.float32(0.0)
     if len(values) > 2:
         _colors_off(lines, low, share, values, own, off)
-        total_color, most_color, _ = _sum_off(off, firsts)
+        total_color, most_color, _ = _sum_off(off, firsts, tallies)
     fair = most <= WORST * WORST and most_color <= WORST_COLOR * WORST_COLOR
     return math.sqrt(total / count) + LEVEL * math.sqrt(total_color / count), fair

@@ -15,6 +15,7 @@ import numpy as np
 
 from hierarchy.borrowing import BORROWING
 from hierarchy.encoding import BYTE_SCALE, BYTE_ZERO
+from hierarchy.extremes import NEVER_NAN, larger, smaller
 from hierarchy.tile_errors import error_of_fit
 from hierarchy.tile_kernels import STACK, sum_up
 
@@ -96,12 +97,12 @@ def _fit(values, low, share, firsts, inverse, side, lines, sums, fitted):  # typ
                 fitted[k, i] += inverse[j * count + i] * value
 
 
-@nb.njit(**BORROWING, fastmath={"nnan", "nsz"})
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
 def _ends(values, count):  # type: ignore[no-untyped-def]
     """Return the least and the largest of the first values, none of which is no number."""
     low = high = values[0]
     for i in range(1, count):
-        low, high = min(low, values[i]), max(high, values[i])
+        low, high = smaller(low, values[i]), larger(high, values[i])
     return low, high
 
 
@@ -177,6 +178,7 @@ def _desk(most, channels):  # type: ignore[no-untyped-def]
         np.empty((channels, texels), np.float32),  # fitted
         np.empty((channels, max(most, 2), most), np.float32),  # lines
         np.empty(texels, np.float32),  # sums of the fit, or by how much it is off
+        np.empty((2, most), np.float32),  # tallies of what it is off by
         np.empty(4, np.uint8),  # spread
         np.zeros(3, np.float32),  # own colour
     )
@@ -193,7 +195,7 @@ def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyp
     """
     nodes, disc_normals, leaves, triangles, own_colors = model
     sides, lows, shares, all_firsts, inverses, begins = tables
-    stack, frame, nearest, sums, values, units, fitted, lines, off, spread, own = desk
+    stack, frame, nearest, sums, values, units, fitted, lines, off, tallies, spread, own = desk
     channels, texels = len(values), most * most
     sum_up(nodes, disc_normals, leaves, triangles, node, stack, frame, nearest, sums)
     _encode(nearest.reshape(texels), sums.reshape((len(sums), texels)), frame, triangles, values, units)
@@ -217,7 +219,7 @@ def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyp
     # Alpha 0 and a byte of 0: the node's own colour and normal.
     fitted[:, 0] = 0.0
     error, fair = error_of_fit(
-        values, units, lows[0, 0, :most], shares[0, 0, :most], firsts, 1, fitted, own, lines, off
+        values, units, lows[0, 0, :most], shares[0, 0, :most], firsts, 1, fitted, own, lines, off, tallies
     )
     if fair and worth * error <= cheapest:
         best, cheapest = 0, worth * error
@@ -229,7 +231,7 @@ def _bake_fitted(model, node, most, tables, desk, out):  # type: ignore[no-untyp
         low, share = lows[size, coarser, :most], shares[size, coarser, :most]
         _fit(values, low, share, firsts, inverses[begin : begin + side**4], side, lines, off, fitted)
         _round(fitted, side * side, spread)
-        error, fair = error_of_fit(values, units, low, share, firsts, side, fitted, own, lines, off)
+        error, fair = error_of_fit(values, units, low, share, firsts, side, fitted, own, lines, off, tallies)
         if fair and side * side + worth * error <= cheapest:
             best, cheapest = side, side * side + worth * error
             _store_tile(fitted, side, spread, out)
