@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 from hierarchy.colors import splat_colors
 from hierarchy.cones import normal_cones
 from hierarchy.discs import node_discs
 from hierarchy.footprints import measure_footprints
 from hierarchy.hierarchy import Hierarchy
-from hierarchy.leaves import LeafShapes, Leaves, Surfels, sort_surfels, sort_triangles
+from hierarchy.leaves import LeafShapes, Leaves, Surfels, leaf_order, leaves_in_order
 from hierarchy.model import Mesh, Model, Progress, ignore_progress
 from hierarchy.octree import MIN_LEAVES, build_octree
 from hierarchy.openings import Openings, find_openings
@@ -29,20 +31,20 @@ def build_hierarchy(
     progress : called from this thread; an exception that it raises ends the build
     """
     progress("Sorting", 0.0)
-    leaves: Leaves
-    if isinstance(model, Mesh) and not points:
-        leaves, shapes, steps = sort_triangles(model)
-    else:
-        if isinstance(model, Mesh):
-            from hierarchy.surfels import surfels_of_mesh
+    base = model
+    if isinstance(model, Mesh) and points:
+        from hierarchy.surfels import surfels_of_mesh
 
-            cloud = surfels_of_mesh(model)
-        else:
-            cloud = model
-        leaves, shapes, steps = sort_surfels(cloud)
-    progress("Building the octree", 0.2)
+        base = surfels_of_mesh(model)
+    order, steps = leaf_order(base)
+    progress("Building the octree", 0.15)
     closed = isinstance(model, Mesh) and model.closed
-    octree = build_octree(steps, min_leaves)
+    # Either is for the most part work of one thread.
+    with ThreadPoolExecutor(1) as aside:
+        building = aside.submit(build_octree, steps, min_leaves)
+        leaves, shapes = leaves_in_order(base, order)
+        octree = building.result()
+    del order, steps
     progress("Fitting normal cones", 0.25)
     axes, cosines = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
     progress("Fitting discs", 0.4)

@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.frames import tangents
-from hierarchy.model import Float32Array, Float64Array, Int32Array, Mesh, PointCloud, UInt8Array, UInt16Array
+from hierarchy.model import Float32Array, Float64Array, Int32Array, Mesh, Model, PointCloud, UInt8Array, UInt16Array
 from hierarchy.morton import morton_order
 from hierarchy.part import AnyArray
 
@@ -186,14 +186,19 @@ def _rows(array: AnyArray, which: Int32Array) -> AnyArray:
     return array.take(which, axis=0, mode="clip")
 
 
-def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, UInt16Array]:
-    """Put a mesh's triangles into Morton order; return them, their shapes and the steps between them."""
+def leaf_order(model: Model) -> tuple[Int32Array, UInt16Array]:
+    """Return the Morton order of a mesh's triangles or a cloud's surfels, and the steps, as `morton_order` does."""
+    if isinstance(model, PointCloud):
+        return morton_order(model.positions)
     # Only what they are sorted by is measured before: the rest need not be brought into another order then.
-    centroids = np.empty((len(mesh.faces), 3), np.float32)
-    _centroids(mesh.positions, mesh.faces, centroids)
-    order, steps = morton_order(centroids)
+    centroids = np.empty((len(model.faces), 3), np.float32)
+    _centroids(model.positions, model.faces, centroids)
+    return morton_order(centroids)
+
+
+def triangles_in_order(mesh: Mesh, order: Int32Array) -> tuple[Triangles, LeafShapes]:
+    """Put a mesh's triangles into an order; return them and their shapes."""
     indices = _rows(mesh.faces, order)
-    del order, centroids
     old_from_new = _number_by_first_use(indices, len(mesh.positions))
     triangles = Triangles(
         _rows(mesh.positions, old_from_new),
@@ -201,12 +206,11 @@ def sort_triangles(mesh: Mesh) -> tuple[Triangles, LeafShapes, UInt16Array]:
         indices,
         None if mesh.colors is None else _rows(mesh.colors, old_from_new),
     )
-    return triangles, triangle_shapes(triangles.positions, indices), steps
+    return triangles, triangle_shapes(triangles.positions, indices)
 
 
-def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, UInt16Array]:
-    """Put a cloud's surfels into Morton order; return them, their shapes and the steps between them."""
-    order, steps = morton_order(cloud.positions)
+def surfels_in_order(cloud: PointCloud, order: Int32Array) -> tuple[Surfels, LeafShapes]:
+    """Put a cloud's surfels into an order; return them and their shapes."""
     surfels = Surfels(
         _rows(cloud.positions, order),
         _rows(cloud.normals, order),
@@ -222,4 +226,9 @@ def sort_surfels(cloud: PointCloud) -> tuple[Surfels, LeafShapes, UInt16Array]:
         areas=surfels.radii.astype(np.float64) ** 2,
         extents=surfels.radii,
     )
-    return surfels, shapes, steps
+    return surfels, shapes
+
+
+def leaves_in_order(model: Model, order: Int32Array) -> tuple[Leaves, LeafShapes]:
+    """Put a model's base primitives into an order; return them and their shapes."""
+    return surfels_in_order(model, order) if isinstance(model, PointCloud) else triangles_in_order(model, order)

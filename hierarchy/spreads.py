@@ -95,11 +95,12 @@ def _one_level_below(first_child, child_count, squares, hanging, share, below): 
 
     share : of the mean square angle of a whole leaf that is left at this level
     """
+    last = len(squares) - 1
     for node in nb.prange(len(squares)):
-        total = share * hanging[node]
-        for child in range(first_child[node], first_child[node] + child_count[node]):
-            total += squares[child]
-        below[node] = total
+        first, count = first_child[node], child_count[node]
+        # A cell has two halves at most (octree.py). Both are read, there or not: no branch that could not be foreseen.
+        one, other = squares[min(first, last)], squares[min(first + 1, last)]
+        below[node] = share * hanging[node] + (one if count > 0 else 0.0) + (other if count > 1 else 0.0)
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)

@@ -245,7 +245,7 @@ def test_model_that_fails_after_its_stand_in_brings_the_last_one_back(
     if cancelled:
         assert viewer.cancel()
     else:
-        monkeypatch.setattr("hierarchy.build.sort_triangles", lambda mesh: 1 / 0)
+        monkeypatch.setattr("hierarchy.build.leaf_order", lambda model: 1 / 0)
     held_build.set()
     settle(viewer)
     assert (viewer.scene, viewer.camera) == (scene, camera)

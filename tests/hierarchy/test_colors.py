@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from small_models import bumpy_sphere, cloud_of, mesh_of, surfel_sphere
+from small_models import bumpy_sphere, cloud_of, mesh_of, sorted_leaves, surfel_sphere
 
 from hierarchy.colors import splat_colors
-from hierarchy.leaves import sort_surfels, sort_triangles
 from hierarchy.octree import build_octree
 
 seeds = np.random.default_rng(11)
@@ -16,8 +15,7 @@ def random_colors(count):
 
 
 def colors_of(model, min_leaves=2):
-    sort = sort_triangles if hasattr(model, "faces") else sort_surfels
-    leaves, shapes, codes = sort(model)
+    leaves, shapes, codes = sorted_leaves(model)
     octree = build_octree(codes, min_leaves)
     return leaves, shapes, octree, splat_colors(octree, shapes, leaves)
 

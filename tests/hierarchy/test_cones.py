@@ -37,8 +37,8 @@ def scattered(seed, count, spread, flat=False):
 
 
 def cap_of(vectors):
-    cap, vectors = np.empty(4), np.ascontiguousarray(vectors, np.float64)
-    bounding_cap(vectors, balls_of_chunks(vectors), 0, len(vectors), cap, np.empty((4, 3)))
+    cap, rows = np.empty(4), np.ascontiguousarray(np.transpose(vectors), np.float64)
+    bounding_cap(rows, balls_of_chunks(rows), 0, rows.shape[1], cap, np.empty((4, 3)))
     return cap[:3], cap[3]
 
 
@@ -167,14 +167,15 @@ def test_what_balls_leave_out_does_not_matter(spread):
     turn = np.linspace(0.0, 20.0, 20 * CHUNK)
     flat = np.stack([np.cos(turn), np.sin(turn)], 1) * (spread * turn / 20.0)[:, None]
     vectors = unit(np.column_stack([flat, np.ones(len(turn))]))
-    balls = balls_of_chunks(vectors)
+    rows = np.ascontiguousarray(vectors.T)
+    balls = balls_of_chunks(rows)
     inside = np.linalg.norm(vectors - np.repeat(balls[:, :3], CHUNK, axis=0), axis=1)
     assert (inside <= np.repeat(balls[:, 3], CHUNK)).all()
     for begin, end in ((0, len(turn)), (5, 5 + FEW + 1), (7, 9 * CHUNK + 3), (CHUNK - 1, 19 * CHUNK)):
         pruned, whole = np.empty(4), np.empty(4)
-        bounding_cap(vectors, balls, begin, end, pruned, np.empty((4, 3)))
+        bounding_cap(rows, balls, begin, end, pruned, np.empty((4, 3)))
         # Balls that leave out nothing.
-        bounding_cap(vectors, np.full_like(balls, 4.0), begin, end, whole, np.empty((4, 3)))
+        bounding_cap(rows, np.full_like(balls, 4.0), begin, end, whole, np.empty((4, 3)))
         np.testing.assert_array_equal(pruned, whole)
 
 

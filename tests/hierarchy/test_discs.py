@@ -7,15 +7,24 @@ import pytest
 from brute_circle import minimum_circle
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_models import box, bumpy_sphere, cloud_of, icosphere, mesh_of, surfel_sphere, terrain, thin_sheet, turned
+from small_models import (
+    box,
+    bumpy_sphere,
+    cloud_of,
+    icosphere,
+    mesh_of,
+    sorted_leaves,
+    surfel_sphere,
+    terrain,
+    thin_sheet,
+    turned,
+)
 
 from hierarchy.boxes import TURN_STEP, TURNS, WHOLE_DISC, tight_box
-from hierarchy.circles import CORNERS, MANY, SAMPLE, keep_outer, smallest_circle
+from hierarchy.circles import AT_ONCE, smallest_circle
 from hierarchy.cones import normal_cones
 from hierarchy.discs import node_discs
 from hierarchy.frames import tangents
-from hierarchy.leaves import sort_surfels, sort_triangles
-from hierarchy.model import Mesh
 from hierarchy.octree import build_octree
 from hierarchy.planes import MEAN_NORMAL_MIN
 
@@ -83,7 +92,7 @@ def test_circle_around_many_points():
 
 def nodes_of(model, min_leaves=4):
     """Return shapes, node ranges and the discs of a model's nodes."""
-    _, shapes, codes = sort_triangles(model) if isinstance(model, Mesh) else sort_surfels(model)
+    _, shapes, codes = sorted_leaves(model)
     octree = build_octree(codes, min_leaves)
     axes, _ = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
     discs = node_discs(shapes, octree, axes)
@@ -227,32 +236,32 @@ def test_the_circle_around_a_single_surfel_is_its_octagon():
     assert 0.5 <= sizes[0, 0] <= 0.5 * 1.083
 
 
-# --- the points that a circle or a rectangle may depend on
+# --- more points than are looked at in one go
 
 FLAT = {
     "all over": lambda rng, n: rng.normal(size=(n, 2)),
     "on a circle": lambda rng, n: np.stack([np.cos(np.arange(n)), np.sin(np.arange(n))], 1),
     "on a grid": lambda rng, n: rng.integers(-5, 6, (n, 2)),
-    # Of a long and narrow one most directions have the same two ends, which rounding may put inside of each other.
     "long and narrow": lambda rng, n: rng.normal(size=(n, 2)) * [1.0, 0.03] @ turned(np.eye(3))[:2, :2],
-    "on a line": lambda rng, n: rng.normal(size=(n, 1)) * [3.0, -1.0],
     "one point": lambda rng, n: np.full((n, 2), 0.3),
 }
 
 
 @pytest.mark.parametrize("kind", FLAT)
-def test_points_that_are_left_out_lie_inside_those_that_are_kept(kind):
+def test_circles_and_rectangles_of_many_points_are_those_of_the_outermost(kind):
     rng = np.random.default_rng(7)
-    for count in (MANY, SAMPLE, SAMPLE + 1, 1000, 5000):
+    for count in (AT_ONCE - 1, AT_ONCE, AT_ONCE + 1, 5 * AT_ONCE + 3):
         points = np.asarray(FLAT[kind](rng, count), float) + 10.0
-        outer = np.empty((2, count))
-        kept = keep_outer(*np.ascontiguousarray(points.T), count, outer, np.empty((CORNERS, 2)))
-        angle = np.linspace(0.0, 2.0 * math.pi, 500)
-        along = np.stack([np.cos(angle), np.sin(angle)])
-        # As far in every direction, to the last bits of coordinates of 10.
-        np.testing.assert_allclose((outer[:, :kept].T @ along).max(axis=0), (points @ along).max(axis=0), atol=1e-13)
-        if kind == "all over":
-            assert kept < 0.3 * count
+        # Of each of many directions the farthest: others are inside of what is around these, but for its last digits.
+        angle = np.linspace(0.0, 2.0 * math.pi, 2000)
+        outer = points[np.unique((np.stack([np.cos(angle), np.sin(angle)], 1) @ points.T).argmax(axis=1))]
+        centre, radius = circle_of(points)
+        assert np.linalg.norm(points - centre, axis=1).max() <= radius * (1.0 + 1e-12) + 1e-14
+        assert radius == pytest.approx(circle_of(outer)[1], rel=1e-5, abs=1e-12)
+        box, expected = np.empty(4, np.float32), np.empty(4, np.float32)
+        tight_box(*np.ascontiguousarray(points.T), count, *centre, radius, box, np.empty((TURNS, 4)))
+        tight_box(*np.ascontiguousarray(outer.T), len(outer), *centre, radius, expected, np.empty((TURNS, 4)))
+        np.testing.assert_allclose(box, expected, atol=1e-4)
 
 
 # --- the rectangle that is drawn of a disc

@@ -4,15 +4,24 @@ import math
 
 import numpy as np
 import pytest
-from small_models import box, bumpy_sphere, cloud_of, grid, icosphere, mesh_of, surfel_sphere, terrain, thin_sheet
+from small_models import (
+    box,
+    bumpy_sphere,
+    cloud_of,
+    grid,
+    icosphere,
+    mesh_of,
+    sorted_leaves,
+    surfel_sphere,
+    terrain,
+    thin_sheet,
+)
 
 from hierarchy.assemble import assemble_mesh
 from hierarchy.build import build_hierarchy
 from hierarchy.cones import EVERYTHING, balls_of_chunks, bounding_cap, unit_vectors
 from hierarchy.footprints import BORDER, FAR_SIDE, RIM_POINTS
 from hierarchy.frames import tangents
-from hierarchy.leaves import sort_surfels, sort_triangles
-from hierarchy.model import Mesh
 from hierarchy.part import Part
 
 MODELS = {
@@ -33,7 +42,7 @@ OPEN = 1e-5
 
 
 def measured(model):
-    _, shapes, _ = sort_triangles(model) if isinstance(model, Mesh) else sort_surfels(model)
+    _, shapes, _ = sorted_leaves(model)
     return build_hierarchy(model, min_leaves=2), shapes
 
 
@@ -59,7 +68,7 @@ def footprint(hierarchy, shapes, node, scale):
 def cap_cosine(normals):
     cap = np.empty(4)
     vectors = unit_vectors(normals)
-    bounding_cap(vectors, balls_of_chunks(vectors), 0, len(vectors), cap, np.empty((4, 3)))
+    bounding_cap(vectors, balls_of_chunks(vectors), 0, len(normals), cap, np.empty((4, 3)))
     return cap[3]
 
 

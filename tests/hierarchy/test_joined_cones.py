@@ -43,9 +43,10 @@ def test_farthest_first_is_hardly_wider_than_the_smallest():
         vectors = [0.0, 0.0, 1.0] + spread * rng.normal(size=(rng.integers(2, 60), 3))
         vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
         few, smallest = np.empty(4), np.empty(4)
-        balls = balls_of_chunks(vectors)
-        bounding_cap(vectors, balls, 0, 2, few, np.empty((4, 3)))
-        bounding_cap(vectors, balls, 0, len(vectors), smallest, np.empty((4, 3)))
+        rows = np.ascontiguousarray(vectors.T)
+        balls = balls_of_chunks(rows)
+        bounding_cap(rows, balls, 0, 2, few, np.empty((4, 3)))
+        bounding_cap(rows, balls, 0, len(vectors), smallest, np.empty((4, 3)))
         join_farthest_first(few, vectors)
         if smallest[3] < np.cos(1.2):
             continue

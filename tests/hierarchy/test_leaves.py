@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from small_models import box, bumpy_sphere, cloud_of, mesh_of, surfel_sphere, terrain
+from small_models import box, bumpy_sphere, cloud_of, mesh_of, sorted_leaves, surfel_sphere, terrain
 from steps_of_codes import steps_of
 
 from hierarchy.frames import tangents
-from hierarchy.leaves import SURFEL_CORNERS, corner, sort_surfels, sort_triangles
+from hierarchy.leaves import SURFEL_CORNERS, corner
 from hierarchy.morton import SAME_PLACE, morton_codes
 
 
@@ -26,7 +26,7 @@ def colored(model):
 @pytest.mark.parametrize("make", [bumpy_sphere, box, terrain])
 def test_every_triangle_keeps_its_corners(make):
     model = colored(make())
-    triangles, _, _ = sort_triangles(model)
+    triangles, _, _ = sorted_leaves(model)
     for name in ("positions", "normals", "colors"):
         np.testing.assert_array_equal(
             rows(getattr(triangles, name)[triangles.indices]), rows(getattr(model, name)[model.faces])
@@ -36,7 +36,7 @@ def test_every_triangle_keeps_its_corners(make):
 
 @pytest.mark.parametrize("make", [bumpy_sphere, box, terrain])
 def test_shapes_are_those_of_the_sorted_triangles(make):
-    triangles, shapes, steps = sort_triangles(make())
+    triangles, shapes, steps = sorted_leaves(make())
     corners = triangles.positions[triangles.indices].astype(float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
@@ -56,7 +56,7 @@ def test_shapes_are_those_of_the_sorted_triangles(make):
 
 
 def test_vertices_are_numbered_by_their_first_use():
-    triangles, _, _ = sort_triangles(bumpy_sphere())
+    triangles, _, _ = sorted_leaves(bumpy_sphere())
     _, first = np.unique(triangles.indices.ravel(), return_index=True)
     assert (np.diff(first) > 0).all()
     assert triangles.indices.max() == len(triangles.positions) - 1
@@ -64,13 +64,13 @@ def test_vertices_are_numbered_by_their_first_use():
 
 def test_vertices_that_no_triangle_uses_are_left_out():
     model = mesh_of([[9, 9, 9], [0, 0, 0], [1, 0, 0], [8, 8, 8], [0, 1, 0]], [[1, 2, 4]])
-    triangles, _, _ = sort_triangles(model)
+    triangles, _, _ = sorted_leaves(model)
     np.testing.assert_array_equal(triangles.positions, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
     assert triangles.colors is None
 
 
 def test_a_triangle_whose_area_vanishes_has_some_normal():
-    _, shapes, _ = sort_triangles(mesh_of([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
+    _, shapes, _ = sorted_leaves(mesh_of([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
     assert shapes.areas[0] == 0.0
     assert np.linalg.norm(shapes.normals[0]) == 1.0
 
@@ -79,7 +79,7 @@ def test_surfels_stay_together():
     rng = np.random.default_rng(2)
     sphere = surfel_sphere(200)
     cloud = cloud_of(sphere.positions, sphere.normals, sphere.radii, rng.integers(0, 256, (200, 4)).astype(np.uint8))
-    surfels, shapes, steps = sort_surfels(cloud)
+    surfels, shapes, steps = sorted_leaves(cloud)
     together = [np.column_stack([c.positions, c.normals, c.radii, c.colors]) for c in (surfels, cloud)]
     np.testing.assert_array_equal(rows(together[0]), rows(together[1]))
     assert len(surfels) == 200
@@ -91,7 +91,7 @@ def test_surfels_stay_together():
 
 
 def test_the_octagon_around_a_surfel_holds_its_rim():
-    _, shapes, _ = sort_surfels(cloud_of([[1, 2, 3]], [[-0.48, 0.6, -0.64]], 0.7))
+    _, shapes, _ = sorted_leaves(cloud_of([[1, 2, 3]], [[-0.48, 0.6, -0.64]], 0.7))
     corners = np.array(
         [corner(shapes.positions, shapes.indices, shapes.radii, shapes.normals, 0, k) for k in range(SURFEL_CORNERS)]
     )
@@ -115,6 +115,6 @@ def test_a_thousand_coincident_triangles_stay_in_their_order():
     colors[:, 0], colors[:, 1] = np.arange(3000) // 3 % 256, np.arange(3000) // 768
     corners = np.tile([[0, 0, 0], [1, 0, 0], [0, 1, 0]], (1000, 1))
     model = mesh_of(corners, np.arange(3000).reshape(-1, 3), colors=colors)
-    triangles, _, steps = sort_triangles(model)
+    triangles, _, steps = sorted_leaves(model)
     np.testing.assert_array_equal(triangles.colors, colors)
     assert (steps[1:] == SAME_PLACE).all()

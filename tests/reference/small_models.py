@@ -6,8 +6,15 @@ import numpy as np
 import numpy.typing as npt
 
 from hierarchy.geodesic_sphere import geodesic_sphere
-from hierarchy.model import Float64Array, Mesh, PointCloud, UInt8Array
+from hierarchy.leaves import LeafShapes, Leaves, leaf_order, leaves_in_order
+from hierarchy.model import Float64Array, Mesh, Model, PointCloud, UInt8Array, UInt16Array
 from hierarchy.vertex_normals import vertex_normals
+
+
+def sorted_leaves(model: Model) -> tuple[Leaves, LeafShapes, UInt16Array]:
+    """Return the leaves that a model's hierarchy has, their shapes and the steps between them."""
+    order, steps = leaf_order(model)
+    return *leaves_in_order(model, order), steps
 
 
 def mesh_of(

@@ -43,8 +43,8 @@ def angles(axis, vectors):
 
 
 def cap_of(vectors):
-    cap, vectors = np.empty(4), np.ascontiguousarray(vectors)
-    bounding_cap(vectors, balls_of_chunks(vectors), 0, len(vectors), cap, np.empty((4, 3)))
+    cap, rows = np.empty(4), np.ascontiguousarray(np.transpose(vectors))
+    bounding_cap(rows, balls_of_chunks(rows), 0, rows.shape[1], cap, np.empty((4, 3)))
     return cap[:3].copy(), cap[3]
 
 

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from brute_circle import minimum_circle
 from exact import smallest_circle_radius
-from small_models import beside_a_far_triangle, bumpy_sphere, mesh_of
+from small_models import beside_a_far_triangle, bumpy_sphere, mesh_of, sorted_leaves
 
 from hierarchy.boxes import TURN_STEP, TURNS, tight_box
 from hierarchy.circles import smallest_circle
 from hierarchy.cones import normal_cones
 from hierarchy.discs import node_discs
 from hierarchy.frames import tangents
-from hierarchy.leaves import LeafShapes, sort_surfels, sort_triangles
+from hierarchy.leaves import triangle_shapes
 from hierarchy.octree import Octree
 from hierarchy.surfels import enclosing_disc, surfels_of_mesh
 
@@ -154,10 +154,7 @@ def discs_of(shapes, size):
 
 def unsorted(mesh):
     """Return the shapes of a mesh's triangles in the order of its faces."""
-    from hierarchy.leaves import _triangle_shapes
-
-    normals, centres, areas, extents = _triangle_shapes(mesh.positions, mesh.faces)
-    return LeafShapes(mesh.positions, mesh.faces, np.empty(0, np.float32), normals, centres, areas, extents)
+    return triangle_shapes(mesh.positions, mesh.faces)
 
 
 def test_discs_spheres_and_rectangles_hold_what_is_below_them(ledger, amount, rng):
@@ -215,11 +212,8 @@ def test_kernels_do_not_depend_on_the_scale_of_a_model(rng, exponent):
     # None of its triangles is big enough to be split into base surfels, which takes its time.
     model = beside_a_far_triangle(bumpy_sphere(6))
     scaled = mesh_of(model.positions * scale, model.faces, normals=model.normals)
-    for sort, first, second in (
-        (sort_triangles, model, scaled),
-        (sort_surfels, surfels_of_mesh(model), surfels_of_mesh(scaled)),
-    ):
-        shapes, other = sort(first)[1], sort(second)[1]
+    for first, second in ((model, scaled), (surfels_of_mesh(model), surfels_of_mesh(scaled))):
+        shapes, other = sorted_leaves(first)[1], sorted_leaves(second)[1]
         np.testing.assert_array_equal(other.normals, shapes.normals)
         np.testing.assert_array_equal(other.areas, shapes.areas * np.float64(scale) ** 2)
         np.testing.assert_array_equal(other.extents, shapes.extents * scale)
@@ -260,7 +254,7 @@ def test_a_triangle_of_no_area_whose_normals_cancel_has_a_surfel():
     flat = mesh_of([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], normals=[[0, 1, 0], [0, 0, 1], [0, -1, 0]])
     cloud = surfels_of_mesh(flat)
     assert np.linalg.norm(cloud.normals, axis=1) == pytest.approx(1.0)
-    shapes = sort_surfels(cloud)[1]
+    shapes = sorted_leaves(cloud)[1]
     assert np.isfinite(discs_of(shapes, len(shapes.areas))[2]).all()
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from small_models import sorted_leaves
 
-from hierarchy.leaves import sort_surfels
 from hierarchy.model import PointCloud
 from hierarchy.morton import BITS, CELLS, LONG_RUN, SAME_PLACE, morton_codes, morton_order
 from hierarchy.octree import build_octree
@@ -176,7 +176,7 @@ def test_a_cluster_between_far_outliers_has_a_tree_like_its_own(rng):
     sizes = []
     for positions in (cluster, points):
         unit = np.tile(np.float32([0, 0, 1]), (len(positions), 1))
-        surfels, _, steps = sort_surfels(
+        surfels, _, steps = sorted_leaves(
             PointCloud("model", np.zeros(3), positions, unit, np.ones(len(positions), "f4"))
         )
         octree = build_octree(steps)
