@@ -19,7 +19,7 @@ from hierarchy.dealing import DEALT, block_count, most_leaves, nodes_of
 from hierarchy.disc_corners import corners_in_frame, low_and_high, reaches, vertex_uses
 from hierarchy.frames import tangents
 from hierarchy.leaves import SURFEL_CORNERS, LeafShapes
-from hierarchy.model import Float32Array
+from hierarchy.model import Float32Array, Float64Array
 from hierarchy.octree import Octree
 from hierarchy.planes import mean_normal, write_plane_sums
 
@@ -80,12 +80,13 @@ def _discs(shapes, vertices, centres, areas, octree, axes, sums, results):  # ty
 
 
 def node_discs(
-    shapes: LeafShapes, octree: Octree, axes: Float32Array
+    shapes: LeafShapes, octree: Octree, axes: Float32Array, sums: Float64Array
 ) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
     """Fit a disc to the leaves of every node.
 
     shapes : where they are triangles their vertices are in the order of first use
     axes : float32 (M, 3), axes of the normal cones, used where the mean normal vanishes
+    sums : float64 (M, SUMS), to work in
     Returns centres float32 (M, 3), unit normals float32 (M, 3), sizes float32 (M, 3): disc radius, thickness
     (largest distance of a primitive from the disc's plane) and radius of the sphere, centred on the disc, around
     everything below the node; and boxes float32 (M, 4), as in `tight_box`.
@@ -95,6 +96,6 @@ def node_discs(
     nodes = len(axes)
     centres, normals, sizes, boxes = (np.empty((nodes, columns), np.float32) for columns in (3, 3, 3, 4))
     arrays, vertices = (s.positions, s.indices, s.radii, s.normals), vertex_uses(s.indices, len(s.positions))
-    sums, results = np.empty((nodes, 7)), (centres, normals, sizes, boxes)
+    results = (centres, normals, sizes, boxes)
     _discs(arrays, vertices, s.centres, s.areas, topology, axes, sums, results)
     return results

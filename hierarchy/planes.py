@@ -13,13 +13,15 @@ import numpy as np
 from hierarchy.borrowing import BORROWING
 from hierarchy.octree import WORTH_SHARING, generations
 
+# Sums of a node: area times normal, area, and area times centre.
+SUMS = 7
 # Below this share of the summed areas the mean normal is noise (the sides of a thin sheet cancel).
 MEAN_NORMAL_MIN = 0.3
 
 
 @nb.njit(**BORROWING)
 def _add_below(normals, centres, areas, octree, node, sums):  # type: ignore[no-untyped-def]
-    """Write to a row of sums, float64 (M, 7), the sums over all leaves below a node, those of its children known."""
+    """Write to a row of sums, float64 (M, SUMS), the sums over all leaves below a node, those of its children known."""
     first_child, child_count, begin, end = octree
     nx = ny = nz = total = x = y = z = 0.0
     first, last = first_child[node], first_child[node] + child_count[node]
@@ -42,7 +44,7 @@ def _add_below(normals, centres, areas, octree, node, sums):  # type: ignore[no-
 
 @nb.njit(cache=True, nogil=True, parallel=True)
 def write_plane_sums(normals, centres, areas, octree, sums):  # type: ignore[no-untyped-def]
-    """Write every node's sums of area * normal, area and area * centre over its leaves to sums, float64 (M, 7).
+    """Write every node's sums of area * normal, area and area * centre over its leaves to sums, float64 (M, SUMS).
 
     octree : first_child, child_count, leaf_begin and leaf_end
     """

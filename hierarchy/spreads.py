@@ -15,7 +15,7 @@ import numpy as np
 
 from hierarchy.borrowing import BORROWING
 from hierarchy.leaves import LeafShapes, Leaves, Triangles
-from hierarchy.model import UInt16Array
+from hierarchy.model import Float64Array, UInt16Array
 from hierarchy.octree import WORTH_SHARING, Octree, generations
 
 # Patches of 1, 1/2, 1/4 ... 1/32 of a node's radius: the spacings of the texels of 2 to 32 a side are among them.
@@ -70,7 +70,7 @@ def _own_spreads(normals, indices, areas, octree, sums, total, squares, hanging)
     """Write every node's area, that times its normals' mean square angle to their mean, and `_add_leaf`'s last sum.
 
     octree : first_child, child_count, leaf_begin and leaf_end
-    sums : float64 (M, 5), to work in
+    sums : float64 (M, 5 or more), to work in
     total, squares, hanging : float64 (M,), written to; the last is over the leaves that hang on the node
     """
     ends = generations(octree[0], octree[1])
@@ -109,9 +109,10 @@ def _store(areas, squares, out):  # type: ignore[no-untyped-def]
         out[node] = np.rint(math.sqrt(squares[node] / areas[node]) / UNIT) if areas[node] > 0.0 else 0.0
 
 
-def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes) -> UInt16Array:
+def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes, sums: Float64Array) -> UInt16Array:
     """Measure the spread of the normals below every node.
 
+    sums : float64 (M, 5 or more), to work in
     Returns uint16 (M, SCALES), in units of UNIT radians: root mean square, by area, of the angle between the surface's
     normals and the mean normal of the patch that they lie in, for patches of 2^-k of the node's radius.
     """
@@ -120,7 +121,7 @@ def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes) -> UInt16
     normals = leaves.normals if isinstance(leaves, Triangles) else shapes.normals
     nodes = len(first_child)
     areas, squares, hanging, below = (np.empty(nodes) for _ in range(4))
-    _own_spreads(normals, shapes.indices, shapes.areas, topology, np.empty((nodes, 5)), areas, squares, hanging)
+    _own_spreads(normals, shapes.indices, shapes.areas, topology, sums, areas, squares, hanging)
     spreads = np.empty((nodes, SCALES), np.uint16)
     # Half the size has half the angle, so every level halves its square.
     share = 1.0

@@ -26,7 +26,7 @@ from hierarchy.cones import normal_cones
 from hierarchy.discs import node_discs
 from hierarchy.frames import tangents
 from hierarchy.octree import build_octree
-from hierarchy.planes import MEAN_NORMAL_MIN
+from hierarchy.planes import MEAN_NORMAL_MIN, SUMS
 
 LAWS = settings(derandomize=True, deadline=None, max_examples=150)
 
@@ -95,7 +95,7 @@ def nodes_of(model, min_leaves=4):
     _, shapes, codes = sorted_leaves(model)
     octree = build_octree(codes, min_leaves)
     axes, _ = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
-    discs = node_discs(shapes, octree, axes)
+    discs = node_discs(shapes, octree, axes, np.empty((len(axes), SUMS)))
     return shapes, list(zip(octree.leaf_begin, octree.leaf_end, strict=True)), discs
 
 

@@ -20,6 +20,7 @@ from hierarchy.discs import node_discs
 from hierarchy.frames import tangents
 from hierarchy.leaves import triangle_shapes
 from hierarchy.octree import Octree
+from hierarchy.planes import SUMS
 from hierarchy.surfels import enclosing_disc, surfels_of_mesh
 
 RELATIVE = 4e-15
@@ -149,7 +150,7 @@ def discs_of(shapes, size):
     begin = np.arange(0, len(shapes.areas) - size + 1, size, dtype=np.int32)
     axes, _ = normal_cones(shapes.normals, begin, begin + size)
     childless = np.zeros(len(begin), np.int32)
-    return node_discs(shapes, Octree(childless, childless, begin, begin + size), axes)
+    return node_discs(shapes, Octree(childless, childless, begin, begin + size), axes, np.empty((len(axes), SUMS)))
 
 
 def unsorted(mesh):
