@@ -2,8 +2,9 @@
 
 All but two nodes in a hundred lie in subtrees of a hundred leaves. Their discs lie over the same leaves, so that
 looking for those from every node anew, down the tree, takes far longer than the arithmetic. Side by side in rows they
-are compared with a disc many at a time, in single precision and without branches. What is near a smaller subtree is
-gathered from what is near the larger one. What lies about a disc's rim is then measured in double precision.
+are compared with a disc many at a time, in single precision and without branches: what is subtracted is stored in it,
+so that nothing but the difference is rounded. What is near a smaller subtree is gathered from what is near the larger
+one.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from hierarchy.borrowing import BORROWING
 from hierarchy.cones import EVERYTHING, widened_cosine
+from hierarchy.extremes import NEVER_NAN, larger
 from hierarchy.joined_cones import join_farthest_first
 from hierarchy.near_nodes import meets
 from hierarchy.under_discs import BORDER, FAR_SIDE, FLAT, RIM, RIM_POINTS, write_rim
@@ -163,7 +165,7 @@ def _is_under(dx, dy, dz, nx, ny, nz, radius2):  # type: ignore[no-untyped-def]
     return (distance2 <= radius2) | on_rim
 
 
-@nb.njit(**BORROWING)
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
 def _flag_under(rows, leaves, count, triangles, open_, disc, begin, end, cap, flags):  # type: ignore[no-untyped-def]
     """Flag the leaves of a patch under a disc by 1, all others by 0; return the largest distance from its plane.
 
@@ -173,9 +175,7 @@ def _flag_under(rows, leaves, count, triangles, open_, disc, begin, end, cap, fl
     px, py, pz, radius, nx, ny, nz = disc
     ax, ay, az, cosine = cap
     far_side, wider = np.float32(FAR_SIDE - ROUNDING), np.float32(1.0 + ROUNDING)
-    # The bits of numbers that are not negative are in the order of the numbers. Of whole numbers the largest is found
-    # several at a time, of others not (numba 0.68).
-    radius2, highest = radius * radius, np.int32(0)
+    radius2, highest = radius * radius, np.float32(0.0)
     for k in range(count):
         dx, dy, dz = rows[X + k] - px, rows[Y + k] - py, rows[Z + k] - pz
         if triangles:
@@ -188,10 +188,9 @@ def _flag_under(rows, leaves, count, triangles, open_, disc, begin, end, cap, fl
             under = dx * dx + dy * dy + dz * dz <= reach * reach
         x, y, z = rows[NX + k], rows[NY + k], rows[NZ + k]
         under &= (x * nx + y * ny + z * nz >= far_side) & ((leaves[k] < begin) | (leaves[k] >= end))
-        height = abs(dx * nx + dy * ny + dz * nz) if under else np.float32(0.0)
-        highest = max(highest, np.float32(height).view(np.int32))
+        highest = larger(highest, abs(dx * nx + dy * ny + dz * nz) if under else np.float32(0.0))
         flags[k] = under & (open_ | (x * ax + y * ay + z * az < cosine))
-    return np.int32(highest).view(np.float32)
+    return highest
 
 
 @nb.njit(**BORROWING)

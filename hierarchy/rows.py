@@ -16,8 +16,7 @@ from hierarchy.octree import Octree
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _write_nodes(nodes, octree, axes, cosines, centres, sizes):  # type: ignore[no-untyped-def]
-    first_child, child_count, begin, end = octree
+def _write_nodes(nodes, first_child, child_count, begin, end, axes, cosines, centres, sizes):  # type: ignore[no-untyped-def]
     for i in nb.prange(len(nodes)):
         node = nodes[i]
         node["x"], node["y"], node["z"] = centres[i, 0], centres[i, 1], centres[i, 2]
@@ -37,8 +36,8 @@ def node_rows(
     centres, sizes : discs, float32 (M, 3) each, as `node_discs` returns them
     """
     nodes = np.empty(len(axes), NODE)
-    topology = octree.first_child, octree.child_count, octree.leaf_begin, octree.leaf_end
-    _write_nodes(nodes, topology, axes, cosines, centres, sizes)
+    first_child, child_count, begin, end = vars(octree).values()
+    _write_nodes(nodes, first_child, child_count, begin, end, axes, cosines, centres, sizes)
     return nodes
 
 
