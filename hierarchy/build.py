@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
 from hierarchy.colors import splat_colors
@@ -42,11 +40,8 @@ def build_hierarchy(
     order, steps = leaf_order(base)
     progress("Building the octree", 0.15)
     closed = isinstance(model, Mesh) and model.closed
-    # Either is for the most part work of one thread.
-    with ThreadPoolExecutor(1) as aside:
-        building = aside.submit(build_octree, steps, min_leaves)
-        leaves, shapes = leaves_in_order(base, order)
-        octree = building.result()
+    octree = build_octree(steps, min_leaves)
+    leaves, shapes = leaves_in_order(base, order)
     del order, steps
     progress("Fitting normal cones", 0.25)
     axes, cosines = normal_cones(shapes.normals, octree.leaf_begin, octree.leaf_end)
