@@ -63,9 +63,10 @@ def splat_rows(
     splats = np.empty(inner + (len(leaves) if isinstance(leaves, Surfels) else 0), SPLAT)
     _write_splats(splats[:inner], centres, normals, sizes[:, 0], sizes[:, 1], boxes)
     if isinstance(leaves, Surfels):
-        flat = np.broadcast_to(np.float32(0.0), len(leaves))
-        whole = np.broadcast_to(np.array(WHOLE_DISC, np.float32), (len(leaves), len(WHOLE_DISC)))
-        _write_splats(splats[inner:], leaves.positions, leaves.normals, leaves.radii, flat, whole)
+        # No kernel of its own, which would be loaded when a first cloud is opened, perhaps with little memory left.
+        rows = splats[inner:]
+        rows["centre"], rows["normal"], rows["radius"] = leaves.positions, leaves.normals, leaves.radii
+        rows["thickness"], rows["box"] = 0.0, WHOLE_DISC
     return splats
 
 
