@@ -56,12 +56,16 @@ def build_hierarchy(
     openings = _openings(model, leaves, shapes)
     progress("Assembling", 0.95)
     radius, half_extents = extents_of(leaves)
+    spreads = normal_spreads(octree, leaves, shapes, sums)
+    # The most memory that a build takes is taken here: what is done with goes before more is made.
+    del sums
+    splats = splat_rows(centres, normals, sizes, boxes, leaves)
     return Hierarchy(
         name=model.name,
         origin=model.origin,
         nodes=nodes,
-        splats=splat_rows(centres, normals, sizes, boxes, leaves),
-        spreads=normal_spreads(octree, leaves, shapes, sums),
+        splats=splats,
+        spreads=spreads,
         colors=splat_colors(octree, shapes, leaves),
         leaves=leaves,
         closed=closed,
