@@ -6,7 +6,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
-from hierarchy.extremes import NEVER_NAN, larger, smaller
+from hierarchy.extremes import NEVER_NAN, larger
 from hierarchy.leaves import SURFEL_CORNERS, corner
 from hierarchy.model import Int32Array, UInt8Array
 
@@ -114,15 +114,6 @@ def corners_in_frame(shapes, vertices, begin, end, origin, frame, points, older)
         points[1, count + k] = x * vx + y * vy + z * vz
         points[2, count + k] = x * nx + y * ny + z * nz
     return count + found
-
-
-@nb.njit(**BORROWING, fastmath=NEVER_NAN)
-def low_and_high(values, count):  # type: ignore[no-untyped-def]
-    """Return the least and the largest of the first `count` values."""
-    low = high = values[0]
-    for i in range(count):
-        low, high = smaller(low, values[i]), larger(high, values[i])
-    return low, high
 
 
 @nb.njit(**BORROWING, fastmath=NEVER_NAN)

@@ -16,7 +16,8 @@ from hierarchy.borrowing import BORROWING
 from hierarchy.boxes import TURNS, tight_box
 from hierarchy.circles import smallest_circle
 from hierarchy.dealing import DEALT, block_count, most_leaves, nodes_of
-from hierarchy.disc_corners import corners_in_frame, low_and_high, reaches, vertex_uses
+from hierarchy.disc_corners import corners_in_frame, reaches, vertex_uses
+from hierarchy.extremes import low_and_high
 from hierarchy.frames import tangents
 from hierarchy.leaves import SURFEL_CORNERS, LeafShapes
 from hierarchy.model import Float32Array, Float64Array

@@ -4,7 +4,7 @@ Both are LP-type problems of combinatorial dimension 3 and are solved by the sam
 and Robust Smallest Enclosing Balls", ESA 1999): keep the best circle of at most three support points, find the
 point farthest outside, solve the four-point problem exactly, repeat. The radius grows with every step, so it ends;
 six passes over the points are typical. These are the four-point steps; the passes stand beside the data they run
-over (discs.py, cones.py).
+over (circles.py, cones.py).
 
 A step tries every circle that two or three of its points span through the new one, measures how far each has to reach
 to hold all four, and takes the least. So there is no test of "inside" that rounding could fail: a circle that is badly

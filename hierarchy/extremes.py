@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba as nb
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+
+from hierarchy.borrowing import BORROWING
 
 # What a kernel is compiled with for this. Sums and products are as they are written, so that they are the same wherever
 # they are written.
@@ -41,3 +44,12 @@ def larger(typing_context, one, other):  # type: ignore[no-untyped-def]
 def smaller(typing_context, one, other):  # type: ignore[no-untyped-def]
     """Return the smaller of two floats of one type."""
     return _of_two("minnum", one, other)
+
+
+@nb.njit(**BORROWING, fastmath=NEVER_NAN)
+def low_and_high(values, count):  # type: ignore[no-untyped-def]
+    """Return the least and the largest of the first `count` values."""
+    low = high = values[0]
+    for i in range(count):
+        low, high = smaller(low, values[i]), larger(high, values[i])
+    return low, high

@@ -15,7 +15,7 @@ import numpy as np
 
 from hierarchy.borrowing import BORROWING
 from hierarchy.encoding import BYTE_SCALE, BYTE_ZERO
-from hierarchy.extremes import NEVER_NAN, larger, smaller
+from hierarchy.extremes import low_and_high
 from hierarchy.tile_errors import error_of_fit
 from hierarchy.tile_kernels import STACK, sum_up
 
@@ -97,15 +97,6 @@ def _fit(values, low, share, firsts, inverse, side, lines, sums, fitted):  # typ
                 fitted[k, i] += inverse[j * count + i] * value
 
 
-@nb.njit(**BORROWING, fastmath=NEVER_NAN)
-def _ends(values, count):  # type: ignore[no-untyped-def]
-    """Return the least and the largest of the first values, none of which is no number."""
-    low = high = values[0]
-    for i in range(1, count):
-        low, high = smaller(low, values[i]), larger(high, values[i])
-    return low, high
-
-
 @nb.njit(**BORROWING, error_model="numpy")
 def _spread(values, count, spread):  # type: ignore[no-untyped-def]
     """Set spread, uint8 (4,), to low.x, low.y, width.x and width.y of normals, values (C, N), of which `count` count.
@@ -113,7 +104,7 @@ def _spread(values, count, spread):  # type: ignore[no-untyped-def]
     Byte b stands for low + b width / 255, so that normals that vary little are kept more finely.
     """
     for k in range(2):
-        low, high = _ends(values[k], count)
+        low, high = low_and_high(values[k], count)
         # What no texel of the disc tells is not always in the square.
         low, high = min(max(low, -BYTE_SCALE), BYTE_SCALE), min(max(high, -BYTE_SCALE), BYTE_SCALE)
         first = math.floor(low + BYTE_ZERO)
