@@ -300,11 +300,11 @@ def _open_ready_to_select(
 
     def ready(scene: Scene) -> Scene:
         progress("Preparing the selection", 1.0)
-        resolution = (64, 64)
+        resolution, hierarchy = (64, 64), scene.hierarchy
         view = view_of_pose(frame_scene(scene, CameraOptions(), resolution), scene, resolution)
-        cut = select_cut(scene.hierarchy, view, 2.0, 16.0, two_sided=False)
-        reached_spans(scene.hierarchy, cut, view, 0.0)
-        texels_seen(scene.hierarchy, view, cut.splats[:0], 1)
+        cut = select_cut(hierarchy, view, 2.0, 16.0, two_sided=False)
+        reached_spans(hierarchy.records_of(cut.splats), hierarchy.leaves, cut.indices, view, 0.0)
+        texels_seen(hierarchy, view, cut.splats[:0], 1)
         return scene
 
     return ready(open_scene(source, progress, cache=cache, show=lambda stand_in: show(ready(stand_in))))

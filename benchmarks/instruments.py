@@ -42,7 +42,7 @@ class InstrumentedRenderer(Renderer):
         self._enter()
         targets.clear_sums()
         targets.clear_depth()
-        uniforms = self._upload(cut, view, settings)
+        _, uniforms = self._upload(cut, view, settings)
         if settings.blending:
             draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
         draw = draw_attributes if settings.blending else draw_nearest

@@ -9,17 +9,12 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from hierarchy.hierarchy import Hierarchy
-from hierarchy.leaves import Triangles
-from hierarchy.lod import Cut
-from hierarchy.model import Float32Array
-from hierarchy.prefetch import prefetch
+from hierarchy.leaves import Leaves, Triangles
+from hierarchy.model import Float32Array, UInt32Array
 from hierarchy.view import View
 
 # Rows of a strip.
 STRIP = 16
-# Splats of which the next but so many is fetched from memory.
-AHEAD = 8
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
@@ -40,13 +35,12 @@ def _ends(middle, radius, nearest, farthest):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _spans(splats, drawn, positions, indices, camera, margin, spans):  # type: ignore[no-untyped-def]
+def _spans(splats, positions, indices, camera, margin, spans):  # type: ignore[no-untyped-def]
     """Fill the spans; return whether something reaches the near plane, before which nothing bounds what it covers."""
     eye, focal, width, height, near, parallel = camera
     centre_x, centre_y = 0.5 * width, 0.5 * height
-    for k in range(len(drawn)):
-        prefetch(splats, drawn[min(k + AHEAD, len(drawn) - 1)])
-        splat = splats[drawn[k]]
+    for k in range(len(splats)):
+        splat = splats[k]
         p = splat["centre"]
         x = eye[0, 0] * p[0] + eye[0, 1] * p[1] + eye[0, 2] * p[2] + eye[0, 3]
         y = eye[1, 0] * p[0] + eye[1, 1] * p[1] + eye[1, 2] * p[2] + eye[1, 3]
@@ -75,9 +69,12 @@ def _spans(splats, drawn, positions, indices, camera, margin, spans):  # type: i
     return False
 
 
-def reached_spans(hierarchy: Hierarchy, cut: Cut, view: View, margin: float) -> Float32Array:
+def reached_spans(splats: np.ndarray, leaves: Leaves, indices: UInt32Array, view: View, margin: float) -> Float32Array:
     """Return the columns that a cut can reach in every strip of STRIP rows, from the bottom up: float32 (S, 2).
 
+    splats : SPLAT (K,), the records of the cut's splats
+    leaves : of the hierarchy
+    indices : uint32 (T, 3), of the cut's leaf triangles
     margin : pixels by which more is drawn than the model's discs and triangles, or is to be looked at
 
     Pixels lie between the two, counted from the left; where nothing can be the first is not below the second.
@@ -85,9 +82,8 @@ def reached_spans(hierarchy: Hierarchy, cut: Cut, view: View, margin: float) -> 
     strips = -(-view.height // STRIP)
     spans = np.empty((strips, 2))
     spans[:, 0], spans[:, 1] = view.width, 0.0
-    leaves = hierarchy.leaves
     positions = leaves.positions if isinstance(leaves, Triangles) else np.empty((0, 3), np.float32)
     camera = (view.eye_from_model, view.focal_pixels, view.width, view.height, view.near, view.is_parallel)
-    if _spans(hierarchy.splats, cut.splats, positions, cut.indices, camera, float(margin), spans):
+    if _spans(splats, positions, indices, camera, float(margin), spans):
         spans[:, 0], spans[:, 1] = 0.0, view.width
     return np.clip(spans, 0.0, view.width).astype(np.float32)

@@ -1,61 +1,105 @@
-"""The cut of a frame on the GPU: its splats, a vertex for each corner, and the indices of its leaf triangles."""
+"""The cut of a frame on the GPU: its splats' records, a vertex for each corner, the indices of its leaf triangles.
+
+The records are gathered for every frame and not kept there: those of a cut lie far apart among those of its model, and
+a software renderer waits for each of them, for each corner and in both passes, longer than gathering all takes.
+"""
 
 from __future__ import annotations
 
 import moderngl
 import numpy as np
 
+from hierarchy.hierarchy import SPLAT
 from hierarchy.lod import Cut
-from renderer.allocation import allocating
+from hierarchy.model import UInt8Array
+from renderer.allocation import GpuError, allocating
+from renderer.limits import Limits
 from renderer.tile_pages import TilePages
 
 # The two triangles of a rectangle, by the numbers of its corners: u from bit 0, v from bit 1.
 TRIANGLES_OF_CORNERS = (0, 1, 2, 2, 1, 3)
 CORNERS = 4
-SPLAT_BYTES = 12
+CORNER_BYTES = 12
+# A record is a whole number of RGBA32F texels; this many records are a row of the texture. The power of two spares the
+# shader a division.
+TEXELS_PER_SPLAT = SPLAT.itemsize // 16
+ROW_BITS = 10
+RECORDS_IN_ROW = 1 << ROW_BITS
 
 
 class CutBuffers:
     """The cut of a frame on the GPU, uploaded once for both passes.
 
-    splats : for each splat, CORNERS times, its number, uint32, the place of its tile, int32, below 0: it has none, and
-        the four bytes of the tile's spread
+    records : texture of the splats' records, RECORDS_IN_ROW of them to a row
+    splats : for each splat, CORNERS times, the place of its tile, int32, below 0: it has none, the four bytes of the
+        tile's spread, and those of the splat's colour
     corners : indices of the splats' triangles into these, the same for every cut
     indices : of the leaf triangles' vertices
     """
 
     # Four vertices a splat take more room than one instance of four, and less time: to a software renderer every
     # instance is a draw of its own.
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self._ctx = ctx
-        self.splats = ctx.buffer(reserve=SPLAT_BYTES, dynamic=True)
-        self.corners = ctx.buffer(reserve=SPLAT_BYTES, dynamic=True)
-        self.indices = ctx.buffer(reserve=SPLAT_BYTES, dynamic=True)
+    def __init__(self, ctx: moderngl.Context, limits: Limits) -> None:
+        self._ctx, self._limits = ctx, limits
+        self.splats = ctx.buffer(reserve=CORNER_BYTES, dynamic=True)
+        self.corners = ctx.buffer(reserve=CORNER_BYTES, dynamic=True)
+        self.indices = ctx.buffer(reserve=CORNER_BYTES, dynamic=True)
+        self.records = self._texture(1)
 
     def splat_array(self, program: moderngl.Program, *, sprite: bool) -> moderngl.VertexArray:
         """Return the vertex array that draws splats with a program whose inputs are those of splat.vert.
 
         sprite : as points, for which the first corner of each will do
         """
-        names = [name for name in ("in_splat", "in_tile", "in_spread") if name in program]
-        layout = ("1u 1i 4f1" if len(names) > 1 else "1u 8x") + (f" {SPLAT_BYTES * (CORNERS - 1)}x" if sprite else "")
-        return self._ctx.vertex_array(program, [(self.splats, layout, *names)], None if sprite else self.corners)
+        layouts = {"in_tile": ("1i", "4x"), "in_spread": ("4f1", "4x"), "in_color": ("4f1", "4x")}
+        names = [name for name in layouts if name in program]
+        layout = " ".join(used if name in names else unused for name, (used, unused) in layouts.items())
+        layout += f" {CORNER_BYTES * (CORNERS - 1)}x" if sprite else ""
+        content = [(self.splats, layout, *names)] if names else []
+        return self._ctx.vertex_array(program, content, None if sprite else self.corners)
 
-    def upload(self, cut: Cut, tiles: TilePages | None) -> None:
+    def upload(self, cut: Cut, records: np.ndarray, colors: UInt8Array | None, tiles: TilePages | None) -> None:
         """Bring a cut to the GPU, with the tiles of its splats where there are any.
+
+        records : SPLAT (K,), of the cut's splats
+        colors : uint8 (M, 4), of all splats of the hierarchy, None: it has none
 
         Raises GpuError where there is no room for it.
         """
-        splats = np.empty((len(cut.splats), 3), np.uint32)
-        splats[:, 0] = cut.splats
-        splats[:, 1:] = 0xFFFFFFFF
+        self._write_records(records)
+        splats = np.zeros((len(cut.splats), 3), np.uint32)
+        splats[:, 0] = 0xFFFFFFFF
         if tiles is not None:
-            places, splats[:, 2] = tiles.places_of(cut.splats)
-            splats[:, 1] = places.view(np.uint32)
+            places, splats[:, 1] = tiles.places_of(cut.splats)
+            splats[:, 0] = places.view(np.uint32)
+        if colors is not None:
+            splats[:, 2] = colors.view(np.uint32)[:, 0].take(cut.splats)
         self._write(self.splats, np.repeat(splats, CORNERS, axis=0))
         self._write(self.indices, cut.indices)
         if self.corners.size < 4 * len(TRIANGLES_OF_CORNERS) * len(splats):
             self._number_corners()
+
+    def _write_records(self, records: np.ndarray) -> None:
+        rows, rest = divmod(len(records), RECORDS_IN_ROW)
+        height = rows + (rest > 0)
+        if height > self.records.height:
+            if height > self._limits.texture_size:
+                most = self._limits.texture_size * RECORDS_IN_ROW
+                raise GpuError(f"{len(records):,} splats in one frame are too many: {most:,} can be drawn")
+            self.records, old = self._texture(min(height + height // 2, self._limits.texture_size)), self.records
+            old.release()
+        width = self.records.width
+        if rows:
+            self.records.write(records[: rows * RECORDS_IN_ROW], (0, 0, width, rows))
+        if rest:
+            self.records.write(records[rows * RECORDS_IN_ROW :], (0, rows, rest * TEXELS_PER_SPLAT, 1))
+
+    def _texture(self, rows: int) -> moderngl.Texture:
+        with allocating(self._ctx, "a frame's splats") as held:
+            size = RECORDS_IN_ROW * TEXELS_PER_SPLAT, rows
+            texture = held.add(self._ctx.texture(size, 4, dtype="f4"))
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            return texture
 
     def _write(self, buffer: moderngl.Buffer, array: np.ndarray) -> None:
         if array.nbytes > buffer.size:
@@ -67,7 +111,7 @@ class CutBuffers:
 
     def _number_corners(self) -> None:
         """Fill `corners` for as many splats as there is room for."""
-        first = np.arange(self.splats.size // (SPLAT_BYTES * CORNERS), dtype=np.uint32) * CORNERS
+        first = np.arange(self.splats.size // (CORNER_BYTES * CORNERS), dtype=np.uint32) * CORNERS
         corners = first[:, None] + np.array(TRIANGLES_OF_CORNERS, np.uint32)
         with allocating(self._ctx, "a frame's splats"):
             self.corners.orphan(corners.nbytes)
@@ -75,9 +119,9 @@ class CutBuffers:
 
     @property
     def nbytes(self) -> int:
-        return int(self.splats.size + self.corners.size + self.indices.size)
+        texels = self.records.width * self.records.height
+        return int(16 * texels + self.splats.size + self.corners.size + self.indices.size)
 
     def release(self) -> None:
-        self.splats.release()
-        self.corners.release()
-        self.indices.release()
+        for each in (self.splats, self.corners, self.indices, self.records):
+            each.release()

@@ -13,9 +13,9 @@ from hierarchy.normal_tiles import NormalTiles
 from hierarchy.spans import reached_spans
 from hierarchy.view import View
 from renderer.allocation import GpuError
-from renderer.buffers import SplatBuffers
 from renderer.cut_buffers import CutBuffers
 from renderer.frame import Frame
+from renderer.leaf_buffers import LeafBuffers
 from renderer.limits import Limits, probe_limits
 from renderer.resolve_passes import CRACK_REACH, MARKED, MATCAP_UNIT, Resolve
 from renderer.settings import Settings
@@ -43,9 +43,9 @@ class Renderer:
         self._ctx = ctx
         self.limits = limits or probe_limits(ctx)
         self._timers = StageTimers(ctx)
-        self._cut_buffers = CutBuffers(ctx)
+        self._cut_buffers = CutBuffers(ctx, self.limits)
         self._hierarchy: Hierarchy | None = None
-        self._buffers: SplatBuffers | None = None
+        self._leaf_buffers: LeafBuffers | None = None
         self._tiles: TilePages | None = None
         self._targets: Targets | None = None
         self._passes: dict[tuple[str, Variant], SplatPass] = {}
@@ -60,12 +60,12 @@ class Renderer:
 
         Raises GpuError where it does not fit; the last one is then still there.
         """
-        buffers = SplatBuffers(self._ctx, hierarchy, self.limits)
+        leaf_buffers = LeafBuffers(self._ctx, hierarchy.leaves)
         self.set_tiles(None)
         self._release_passes()
-        if self._buffers is not None:
-            self._buffers.release()
-        self._hierarchy, self._buffers = hierarchy, buffers
+        if self._leaf_buffers is not None:
+            self._leaf_buffers.release()
+        self._hierarchy, self._leaf_buffers = hierarchy, leaf_buffers
         self._ground_heights.clear()
 
     def make_pages(self, texels: int) -> TilePages:
@@ -76,9 +76,9 @@ class Renderer:
         return self._make_pages(texels)
 
     def _make_pages(self, texels: int, most: int | None = None) -> TilePages:
-        if self._hierarchy is None or self._buffers is None:
+        if self._hierarchy is None:
             raise RuntimeError("tiles come after set_hierarchy")
-        colored = self._buffers.colors is not None
+        colored = self._hierarchy.colors is not None
         return TilePages(self._ctx, self.limits, texels, self._hierarchy.node_count, colored=colored, most=most)
 
     def set_tiles(self, tiles: NormalTiles | TilePages | None) -> None:
@@ -108,7 +108,7 @@ class Renderer:
         Where floats do not blend the nearest splat alone shows, as without `settings.blending`.
         Raises RuntimeError where no hierarchy was set, GpuError where there is no memory for the frame.
         """
-        if self._hierarchy is None or self._buffers is None:
+        if self._hierarchy is None:
             raise RuntimeError("set_hierarchy comes before draw")
         self._last = None
         settings = settings if self.limits.float_blending else replace(settings, blending=False)
@@ -124,7 +124,6 @@ class Renderer:
 
     def _draw(self, cut: Cut, view: View, settings: Settings, framebuffer: moderngl.Framebuffer) -> None:
         assert self._hierarchy is not None
-        assert self._buffers is not None
         tint = settings.silhouette_overlay or settings.splat_outlines or settings.lod_colors
         variant = self._variant(settings, view, depth=False, tint=tint)
         targets = self._targets_for(view, variant)
@@ -133,17 +132,17 @@ class Renderer:
             # A software renderer erases while this core prepares what comes next.
             self._resolve.erase(targets)
             targets.clear_depth()
-            uniforms = self._upload(cut, view, settings)
+            records, uniforms = self._upload(cut, view, settings)
             if settings.blending:
                 draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
         with self._timers.stage("attributes"):
             draw = draw_attributes if settings.blending else draw_nearest
             draw(self._ctx, targets, self._pass("attributes", variant, targets), cut, uniforms)
-            targets.drawn = spans = reached_spans(self._hierarchy, cut, view, CRACK_REACH)
+            targets.drawn = spans = reached_spans(records, self._hierarchy.leaves, cut.indices, view, CRACK_REACH)
         with self._timers.stage("resolve"):
             # Looking for it takes a tenth of a second where there are millions of vertices.
             ground = self._ground(settings.ground_up) if settings.ground else (0.0, self._hierarchy.bounds[1])
-            has_colors = self._buffers.colors is not None
+            has_colors = self._hierarchy.colors is not None
             self._resolve.shade(targets, view, settings, has_colors=has_colors, ground=ground, spans=spans)
             self._ctx.copy_framebuffer(framebuffer, targets.picture_only)
             self._leave(framebuffer)
@@ -154,7 +153,7 @@ class Renderer:
         Raises RuntimeError where nothing was drawn since the hierarchy or its tiles were set, GpuError where there is
         no memory for the arrays.
         """
-        if self._last is None or self._buffers is None:
+        if self._last is None:
             raise RuntimeError("draw comes before read_arrays")
         cut, view, settings, framebuffer = self._last
         targets = self._make_targets(view, color=False, depth=True)
@@ -163,7 +162,7 @@ class Renderer:
             self._enter()
             targets.clear_sums()
             targets.clear_depth()
-            uniforms = self._upload(cut, view, settings)
+            _, uniforms = self._upload(cut, view, settings)
             if settings.blending:
                 draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)
             draw = draw_attributes if settings.blending else draw_nearest
@@ -223,30 +222,32 @@ class Renderer:
     @property
     def gpu_bytes(self) -> int:
         """Bytes of buffers and textures on the GPU."""
-        held = (self._buffers, self._tiles, self._targets, self._cut_buffers)
+        held = (self._leaf_buffers, self._tiles, self._targets, self._cut_buffers)
         return sum(each.nbytes for each in held if each is not None)
 
     def release(self) -> None:
         """Give back everything on the GPU."""
         self._release_passes()
         self._resolve.release()
-        for each in (self._buffers, self._tiles, self._targets, self._cut_buffers):
+        for each in (self._leaf_buffers, self._tiles, self._targets, self._cut_buffers):
             if each is not None:
                 each.release()
-        self._hierarchy = self._buffers = self._tiles = self._targets = self._last = None
+        self._hierarchy = self._leaf_buffers = self._tiles = self._targets = self._last = None
 
     # What is kept from frame to frame
 
-    def _upload(self, cut: Cut, view: View, settings: Settings) -> dict[str, object]:
-        """Bring the cut to the GPU and bind the hierarchy; return the uniforms of the passes."""
-        assert self._buffers is not None
-        self._buffers.bring(cut)
-        self._cut_buffers.upload(cut, self._tiles)
-        return pass_uniforms(cut, view, settings, self._buffers, self._tiles)
+    def _upload(self, cut: Cut, view: View, settings: Settings) -> tuple[np.ndarray, dict[str, object]]:
+        """Bring the cut to the GPU and bind it; return the records of its splats, and the uniforms of the passes."""
+        assert self._hierarchy is not None
+        assert self._leaf_buffers is not None
+        records = self._hierarchy.records_of(cut.splats)
+        self._leaf_buffers.bring(cut.indices)
+        self._cut_buffers.upload(cut, records, self._hierarchy.colors, self._tiles)
+        return records, pass_uniforms(cut, view, settings, self._cut_buffers, self._tiles)
 
     def _variant(self, settings: Settings, view: View, *, depth: bool, tint: bool) -> Variant:
-        assert self._buffers is not None
-        color = self._buffers.colors is not None and not depth
+        assert self._hierarchy is not None
+        color = self._hierarchy.colors is not None and not depth
         return Variant(
             normal_mapping=settings.normal_mapping and self._tiles is not None,
             sprite=settings.splat == "sprite",
@@ -270,14 +271,14 @@ class Renderer:
 
     def _pass(self, kind: str, variant: Variant, targets: Targets) -> SplatPass:
         """Return the pass for a variant; of the visibility pass there is one for each kind of splat and projection."""
-        assert self._buffers is not None
+        assert self._leaf_buffers is not None
         if kind == "visibility":
             plain = Variant(False, variant.sprite, color=False, depth=False, tint=False, parallel=variant.parallel)
             variant = plain
         key = (kind, variant)
         if key not in self._passes:
             defines = variant.defines(targets) if kind == "attributes" else variant.visibility_defines
-            self._passes[key] = SplatPass(self._ctx, kind, defines, self._buffers, self._cut_buffers)
+            self._passes[key] = SplatPass(self._ctx, kind, defines, self._leaf_buffers, self._cut_buffers)
         return self._passes[key]
 
     def _ground(self, up: tuple[float, float, float]) -> tuple[float, float]:

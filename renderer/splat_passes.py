@@ -13,8 +13,8 @@ from hierarchy.kernel import SHARPNESS, SMALLEST
 from hierarchy.lod import Cut
 from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View
-from renderer.buffers import RECORD_WIDTH, SplatBuffers
-from renderer.cut_buffers import TRIANGLES_OF_CORNERS, CutBuffers
+from renderer.cut_buffers import ROW_BITS, TRIANGLES_OF_CORNERS, CutBuffers
+from renderer.leaf_buffers import LeafBuffers
 from renderer.programs import Uniforms, make_program
 from renderer.settings import Settings
 from renderer.targets import Targets
@@ -63,7 +63,7 @@ class Variant:
     def defines(self, targets: Targets) -> dict[str, str | int | float]:
         """Return the macros of the attribute pass."""
         macros: dict[str, str | int | float] = {
-            "RECORD_WIDTH": RECORD_WIDTH,
+            "ROW_BITS": ROW_BITS,
             "SHARPNESS": f"{SHARPNESS:.9g}",
             "FACING_AWAY": f"{FACING_AWAY:.9g}",
         }
@@ -81,7 +81,7 @@ class Variant:
     @property
     def visibility_defines(self) -> dict[str, str | int | float]:
         """The macros of the visibility pass."""
-        macros: dict[str, str | int | float] = {"RECORD_WIDTH": RECORD_WIDTH, "VISIBILITY": 1}
+        macros: dict[str, str | int | float] = {"ROW_BITS": ROW_BITS, "VISIBILITY": 1}
         if self.sprite:
             macros["SPRITE"] = 1
         if self.parallel:
@@ -97,7 +97,7 @@ class SplatPass:
         ctx: moderngl.Context,
         kind: str,
         defines: dict[str, str | int | float],
-        buffers: SplatBuffers,
+        leaves: LeafBuffers,
         cut: CutBuffers,
     ) -> None:
         """kind : "visibility" or "attributes"."""
@@ -107,7 +107,7 @@ class SplatPass:
         self._splat_uniforms, self._triangle_uniforms = Uniforms(self.splats), Uniforms(self.triangles)
         self._sprite = "SPRITE" in defines
         self._splat_array = cut.splat_array(self.splats, sprite=self._sprite)
-        used = [vertices for vertices in buffers.vertices if vertices[2] in self.triangles]
+        used = [vertices for vertices in leaves.vertices if vertices[2] in self.triangles]
         self._triangle_array = ctx.vertex_array(self.triangles, used, index_buffer=cut.indices) if used else None
 
     def render(self, cut: Cut, uniforms: dict[str, object]) -> None:
@@ -133,13 +133,16 @@ class SplatPass:
 
 
 # Texture units of what the passes read.
-RECORDS_UNIT, NORMALS_UNIT, TILE_COLORS_UNIT, COLORS_UNIT = 0, 1, 2, 3
+RECORDS_UNIT, NORMALS_UNIT, TILE_COLORS_UNIT = 0, 1, 2
 
 
 def pass_uniforms(
-    cut: Cut, view: View, settings: Settings, buffers: SplatBuffers, tiles: TilePages | None
+    cut: Cut, view: View, settings: Settings, buffers: CutBuffers, tiles: TilePages | None
 ) -> dict[str, object]:
-    """Bind the textures of a hierarchy and return the uniforms of both passes."""
+    """Bind the textures of a cut and of its tiles, and return the uniforms of both passes.
+
+    buffers : the cut has been uploaded to them
+    """
     buffers.records.use(RECORDS_UNIT)
     uniforms: dict[str, object] = {
         "eye_from_model": tuple(view.eye_from_model.T.ravel()),
@@ -160,9 +163,6 @@ def pass_uniforms(
         "show_outlines": settings.splat_outlines,
         "show_lod": settings.lod_colors,
     }
-    if buffers.colors is not None:
-        buffers.colors.use(COLORS_UNIT)
-        uniforms["splat_colors"] = COLORS_UNIT
     if tiles is not None:
         tiles.normals.use(NORMALS_UNIT)
         uniforms |= {

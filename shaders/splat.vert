@@ -2,8 +2,8 @@
 //       depth, nothing is lost at the edge of the window, and hardware clips at the near plane.
 //       SPRITE: the papers' own primitive instead, a square of pixels around the projected disc; disc_point.glsl
 //       intersects every pixel's view ray with it.
-// In:   in_splat, in_tile, in_spread, the same for a splat's four vertices, whose corner is in gl_VertexID's lowest two
-//       bits (SPRITE: one vertex); the records' texture.
+// In:   gl_VertexID: four vertices a splat of the cut, in the lowest two bits the corner (SPRITE: one vertex); in_tile,
+//       in_spread and in_color, the same for all four; the texture of the cut's records.
 // Out:  v_disc, the point in the disc's frame, its rim the unit circle (SPRITE: what disc_point.glsl needs instead); in
 //       the attribute pass the frame, the tile, and what colours and overlays need.
 // Source: Holst and Schumann 2007, eq. 4-6, 9 and 11; quads in object space after Ren et al. 2002. VISIBILITY pushes the
@@ -11,8 +11,6 @@
 #include "frame.glsl"
 #include "splat_record.glsl"
 #include "project.glsl"
-
-in uint in_splat;
 
 uniform mat4 eye_from_model;
 uniform int silhouette_splats;  // the first ones are on the silhouette
@@ -51,7 +49,7 @@ flat out vec4 v_tile;  // of tile_at; layer -1: no tile
 #endif
 #ifdef COLOR
 flat out vec3 v_color;
-uniform sampler2DArray splat_colors;
+in vec4 in_color;
 #endif
 #ifdef TINT
 flat out vec4 v_tint;
@@ -79,14 +77,14 @@ float sprite_size(vec3 centre, vec3 normal, float radius)
 
 void main()
 {
-    int index = int(in_splat);
-    Splat splat = fetch_splat(index);
 #ifdef SPRITE
-    bool silhouette = gl_VertexID < silhouette_splats;
+    int index = gl_VertexID;
 #else
+    int index = gl_VertexID >> 2;
     int corner = gl_VertexID & 3;
-    bool silhouette = (gl_VertexID >> 2) < silhouette_splats;
 #endif
+    Splat splat = fetch_splat(index);
+    bool silhouette = index < silhouette_splats;
     if (silhouette) splat.centre -= sink * splat.thickness * splat.normal;
     vec3 centre = (eye_from_model * vec4(splat.centre, 1.0)).xyz;
 #ifdef PARALLEL
@@ -152,7 +150,7 @@ void main()
     v_tile = in_tile >= 0 && !turned ? tile_at(in_tile) : vec4(0.0, 0.0, -1.0, 0.0);
 #endif
 #ifdef COLOR
-    v_color = texelFetch(splat_colors, record_texel(index, textureSize(splat_colors, 0).y), 0).rgb;
+    v_color = in_color.rgb;
 #endif
 #ifdef TINT
 #ifndef SPRITE

@@ -1,7 +1,7 @@
-// Role: fetch a splat's record: the GLSL side of the numpy dtype SPLAT, three RGBA32F texels. Rows of RECORD_WIDTH
-//       texels fill one layer after the other.
-// Source: hierarchy/hierarchy.py and hierarchy/boxes.py.
-uniform sampler2DArray splat_records;
+// Role: fetch a splat's record: the GLSL side of the numpy dtype SPLAT, three RGBA32F texels,
+//       2^ROW_BITS of them to a row.
+// Source: hierarchy/hierarchy.py, hierarchy/boxes.py and renderer/cut_buffers.py.
+uniform sampler2D splat_records;
 
 struct Splat {
     vec3 centre;
@@ -15,20 +15,13 @@ struct Splat {
 const int TURNS = 8;
 const float TURN_STEP = 4.0;
 
-// rows : of a layer
-ivec3 record_texel(int texel, int rows)
-{
-    int row = texel / RECORD_WIDTH;
-    return ivec3(texel - row * RECORD_WIDTH, row % rows, row / rows);
-}
-
+// index : of a splat in the cut
 Splat fetch_splat(int index)
 {
-    int texel = 3 * index;
-    ivec3 at = record_texel(texel, textureSize(splat_records, 0).y);
+    ivec2 at = ivec2(3 * (index & ((1 << ROW_BITS) - 1)), index >> ROW_BITS);
     vec4 a = texelFetch(splat_records, at, 0);
-    vec4 b = texelFetch(splat_records, at + ivec3(1, 0, 0), 0);
-    vec4 box = texelFetch(splat_records, at + ivec3(2, 0, 0), 0);
+    vec4 b = texelFetch(splat_records, at + ivec2(1, 0), 0);
+    vec4 box = texelFetch(splat_records, at + ivec2(2, 0), 0);
     float turn = floor(box.w / TURN_STEP + 0.5);
     box.w -= TURN_STEP * turn;
     return Splat(a.xyz, a.w, b.xyz, b.w, box, int(turn));

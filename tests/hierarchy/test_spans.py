@@ -15,6 +15,11 @@ from hierarchy.view import look_at
 SIZE = (330, 250)
 
 
+def spans_of(hierarchy, cut, view, margin):
+    records = hierarchy.records_of(cut.splats)
+    return reached_spans(records, hierarchy.leaves, cut.indices, view, margin)
+
+
 @pytest.fixture(scope="module")
 def rock():
     return build_hierarchy(make_meteoroid(3_000))
@@ -63,7 +68,7 @@ def test_spans_hold_what_is_drawn(rock, seed, parallel, points):
     eye = direction / np.linalg.norm(direction) * rng.uniform(1.3, 6.0)
     view = view_of(hierarchy, eye, rng.uniform(0.3, 2.0) if parallel else None)
     cut = select_cut(hierarchy, view, rng.uniform(1.0, 4.0), rng.uniform(4.0, 40.0))
-    spans = reached_spans(hierarchy, cut, view, 0.01)
+    spans = spans_of(hierarchy, cut, view, 0.01)
     corners = hierarchy.leaves.positions[cut.indices.ravel()].astype(np.float64)
     for part in (rims(hierarchy, cut, rng), corners):
         pixels, _ = on_screen(view, part)
@@ -73,7 +78,7 @@ def test_spans_hold_what_is_drawn(rock, seed, parallel, points):
 def test_spans_are_not_much_wider_than_what_is_drawn(rock):
     view = view_of(rock, (0.0, 0.0, 3.0))
     cut = select_cut(rock, view, 1.0, 2.0)
-    spans = reached_spans(rock, cut, view, 0.0)
+    spans = spans_of(rock, cut, view, 0.0)
     pixels, _ = on_screen(view, rock.leaves.positions.astype(np.float64))
     rows = (pixels[:, 1] // STRIP).astype(int)
     # Where the outline is flat a strip's ends follow from what reaches in from the next strip.
@@ -88,7 +93,7 @@ def test_spans_are_not_much_wider_than_what_is_drawn(rock):
 def test_the_margin_widens_spans(rock):
     view = view_of(rock, (0.0, 0.0, 3.0))
     cut = select_cut(rock, view, 2.0, 16.0)
-    narrow, wide = reached_spans(rock, cut, view, 0.0), reached_spans(rock, cut, view, 3.0)
+    narrow, wide = spans_of(rock, cut, view, 0.0), spans_of(rock, cut, view, 3.0)
     middle = len(narrow) // 2
     assert np.allclose(wide[middle], narrow[middle] + [-3.0, 3.0], atol=1e-3)
 
@@ -98,12 +103,12 @@ def test_what_reaches_the_near_plane_may_be_anywhere(rock):
     view = dataclasses.replace(view, near=3.0)
     cut = select_cut(rock, view, 2.0, 16.0, two_sided=True)
     assert cut.triangle_count > 0
-    assert (reached_spans(rock, cut, view, 1.0) == [0.0, SIZE[0]]).all()
+    assert (spans_of(rock, cut, view, 1.0) == [0.0, SIZE[0]]).all()
 
 
 def test_nothing_reaches_nothing(rock):
     view = view_of(rock, (0.0, 0.0, 3.0))
     nothing = Cut(np.empty(0, np.uint32), np.empty((0, 3), np.uint32), 0, 0, 0)
-    spans = reached_spans(rock, nothing, view, 4.0)
+    spans = spans_of(rock, nothing, view, 4.0)
     assert len(spans) == -(-SIZE[1] // STRIP)
     assert (spans[:, 0] >= spans[:, 1]).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import moderngl
 import numpy as np
@@ -12,17 +13,19 @@ import pytest
 
 from benchmarks.error import angle_degrees
 from hierarchy.build import build_hierarchy
-from hierarchy.hierarchy import Hierarchy
+from hierarchy.hierarchy import SPLAT, Hierarchy
+from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut, select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.model import PointCloud
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
 from hierarchy.spans import STRIP, reached_spans
 from hierarchy.view import View, look_at
-from renderer import buffers
-from renderer.allocation import GpuError, Held, allocating
-from renderer.buffers import RECORD_WIDTH, record_texture
+from renderer import leaf_buffers
+from renderer.allocation import GpuError, allocating
+from renderer.cut_buffers import RECORDS_IN_ROW, CutBuffers
 from renderer.frame import Frame
+from renderer.leaf_buffers import Pages
 from renderer.renderer import Renderer
 from renderer.resolve_passes import CRACK_REACH
 from renderer.settings import Settings
@@ -165,7 +168,7 @@ def test_nothing_is_left_of_the_frames_before(
         frame, cut = draw(view, hierarchy, settings=settings)
         assert same(frame, after_others)
         # Sums are zero outside of the spans that they are erased in before the next frame.
-        spans = reached_spans(hierarchy, cut, view, CRACK_REACH)
+        spans = reached_spans(hierarchy.records_of(cut.splats), hierarchy.leaves, cut.indices, view, CRACK_REACH)
         rows, columns = np.mgrid[:90, :110]
         inside = (columns >= spans[rows // STRIP, 0]) & (columns < spans[rows // STRIP, 1])
         for texture in renderer._targets.sums.values():
@@ -245,32 +248,36 @@ def test_large_models_are_brought_as_far_as_they_are_drawn(
     views = [view_of(hierarchy, (200, 150), eye) for eye in ((1, 2, 3), (0.3, 0.2, 1.2), (-3, 0, 0))]
     radii = {"r_sil": 1.0, "r_inner": 4.0}
     whole = [draw(view, hierarchy, **radii)[0] for view in views]
-    written: list[int] = []
-    write_records = buffers.write_records
-    monkeypatch.setattr(buffers, "WHOLE", 0)
-    monkeypatch.setattr(buffers, "VERTICES", 64)
-    monkeypatch.setattr(
-        buffers, "write_records", lambda *given: written.extend(range(*given[2:])) or write_records(*given)
-    )
+    brought: list[tuple[Pages, int]] = []
+    bring = Pages._bring
+
+    def noted(pages: Pages, wanted: np.ndarray) -> None:
+        brought.extend((pages, page) for page in np.flatnonzero(wanted).tolist())
+        bring(pages, wanted)
+
+    monkeypatch.setattr(leaf_buffers, "WHOLE", 0)
+    monkeypatch.setattr(leaf_buffers, "VERTICES", 64)
+    monkeypatch.setattr(Pages, "_bring", noted)
     # The same hierarchy anew.
     hierarchy = dataclasses.replace(hierarchy)
-    pages = -(-hierarchy.node_count * buffers.TEXELS_PER_SPLAT // RECORD_WIDTH)
+    assert isinstance(hierarchy.leaves, Triangles)
+    pages = -(-len(hierarchy.leaves.positions) // 64)
     for view, expected in zip(views, whole, strict=True):
         frame, cut = draw(view, hierarchy, **radii)
         assert cut.triangle_count > 0
         assert same(frame, expected)
-        drawn = np.unique(cut.splats * buffers.TEXELS_PER_SPLAT // RECORD_WIDTH)
-        assert set(drawn) <= set(written)
-        # None of them twice.
-        assert len(set(written)) == len(written) <= pages
-    before = len(written)
+        assert set(np.unique(cut.indices // 64)) <= {page for _, page in brought}
+        # None of them twice; of positions and normals, and of colours where there are any.
+        assert len(set(brought)) == len(brought) <= 3 * pages
+    before = len(brought)
+    assert before > 0
     draw(views[0], hierarchy, **radii)
-    assert len(written) == before
+    assert len(brought) == before
 
 
 def test_pages_are_brought_once_and_side_by_side() -> None:
     brought: list[tuple[int, int]] = []
-    pages = buffers.Pages(95, 10, lambda first, end: brought.append((first, end)))
+    pages = Pages(95, 10, lambda first, end: brought.append((first, end)))
     pages.bring(np.array([[5, 94], [12, 13]], np.uint32))
     pages.bring(np.array([25, 12, 90], np.uint32))
     pages.bring(np.empty(0, np.uint32))
@@ -287,7 +294,7 @@ def test_page_that_could_not_be_brought_is_tried_again() -> None:
         if len(brought) == 1:
             raise MemoryError
 
-    pages = buffers.Pages(30, 10, write)
+    pages = Pages(30, 10, write)
     with pytest.raises(MemoryError):
         pages.bring(np.array([11]))
     pages.bring(np.array([12]))
@@ -295,11 +302,13 @@ def test_page_that_could_not_be_brought_is_tried_again() -> None:
     assert brought == [1, 1]
 
 
-def test_more_splats_than_a_texture_has_layers_for_are_an_error(ctx: moderngl.Context, renderer: Renderer) -> None:
-    limits = dataclasses.replace(renderer.limits, texture_size=2, array_layers=3)
-    texels = np.zeros((RECORD_WIDTH * 6 + 1, 4), np.float32)
-    with pytest.raises(GpuError, match="too many splats"):
-        record_texture(ctx, limits, Held(), texels, "f4")
+def test_more_splats_than_a_texture_has_rows_for_are_an_error(ctx: moderngl.Context, renderer: Renderer) -> None:
+    buffers = CutBuffers(ctx, dataclasses.replace(renderer.limits, texture_size=2))
+    for count, fits in ((2 * RECORDS_IN_ROW, True), (2 * RECORDS_IN_ROW + 1, False), (5, True)):
+        cut = Cut(np.arange(count, dtype=np.uint32), np.empty((0, 3), np.uint32), 0, 0, 0)
+        with nullcontext() if fits else pytest.raises(GpuError, match="2,049 splats in one frame are too many: 2,048"):
+            buffers.upload(cut, np.zeros(count, SPLAT), None, None)
+    buffers.release()
 
 
 def test_memory_that_is_not_there_is_an_error(ctx: moderngl.Context) -> None:

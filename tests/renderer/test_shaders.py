@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import moderngl
@@ -17,8 +16,8 @@ from hierarchy.boxes import TURN_STEP, TURNS
 from hierarchy.encoding import decode_hemisphere, encode_hemisphere
 from hierarchy.frames import tangents
 from hierarchy.hierarchy import SPLAT
-from renderer.allocation import Held
-from renderer.buffers import RECORD_WIDTH, TEXELS_PER_SPLAT, record_texture, write_records
+from hierarchy.lod import Cut
+from renderer.cut_buffers import RECORDS_IN_ROW, ROW_BITS, TEXELS_PER_SPLAT, CutBuffers
 from renderer.limits import Limits
 from renderer.programs import make_program, shader_source
 from renderer.splat_passes import Variant
@@ -213,25 +212,27 @@ def test_the_splat_record_is_the_same_in_python_and_glsl() -> None:
     assert built
     offsets = [16 * "ab".index(texel) + 4 * "xyzw".index(first) for texel, first in re.findall(r"(\w)\.(\w)", built[1])]
     offsets.append(32)
-    assert re.search(r"vec4 box = texelFetch\(splat_records, at \+ ivec3\(2, 0, 0\), 0\);", source)
+    assert re.search(r"vec4 box = texelFetch\(splat_records, at \+ ivec2\(2, 0\), 0\);", source)
     assert offsets == [SPLAT.fields[name][1] for name in SPLAT.names]  # type: ignore[index]
     assert SPLAT.itemsize == 16 * TEXELS_PER_SPLAT
 
 
-# As many texels a side as every OpenGL 3.3 in use has, and as few as a test can fill several layers with.
-@pytest.mark.parametrize(("rows", "layers"), [(4096, 1), (2, 3)])
-def test_records_arrive_as_they_were_sent(ctx: moderngl.Context, rows: int, layers: int) -> None:
-    # More than fill four rows of the texture.
-    records = np.zeros(4 * RECORD_WIDTH // TEXELS_PER_SPLAT + 100, SPLAT)
-    # Quarters, which no sum of a turn and a coordinate rounds.
-    records.view(np.float32)[:] = np.random.default_rng(3).integers(-64, 64, records.nbytes // 4) / 4
-    held = Held()
-    texels = records.view(np.float32).reshape(-1, 4)
-    texture = record_texture(ctx, replace(LIMITS, texture_size=rows), held, texels, "f4")
-    assert texture.layers == layers
-    for first, end in ((1, 4), (0, 1), (4, 5)):
-        write_records(texture, texels, first, end)
-    values = ctx.texture((RECORD_WIDTH, 5), 1, dtype="f1")
+def test_records_arrive_as_they_were_sent(ctx: moderngl.Context) -> None:
+    buffers = CutBuffers(ctx, LIMITS)
+    # A part of a row, full rows and more of them than before, fewer, and no part of one.
+    for count in (100, 4 * RECORDS_IN_ROW + 100, 2 * RECORDS_IN_ROW, 5 * RECORDS_IN_ROW):
+        records = np.zeros(count, SPLAT)
+        # Quarters, which no sum of a turn and a coordinate rounds.
+        records.view(np.float32)[:] = np.random.default_rng(3).integers(-64, 64, records.nbytes // 4) / 4
+        none = np.empty((0, 3), np.uint32)
+        buffers.upload(Cut(np.arange(count, dtype=np.uint32), none, 0, 0, 0), records, None, None)
+        assert np.array_equal(fetched(ctx, buffers, count), records.view(np.float32).reshape(-1, 12))
+    buffers.release()
+
+
+def fetched(ctx: moderngl.Context, buffers: CutBuffers, count: int) -> np.ndarray:
+    """Return the records of a cut's splats as the shaders see them, float32 (count, 12)."""
+    values = ctx.texture((RECORDS_IN_ROW, 6), 1, dtype="f1")
     body = """
     int index = at.y * textureSize(values, 0).x + at.x;
     if (index >= COUNT) { first = second = vec4(0.0); return; }
@@ -239,16 +240,14 @@ def test_records_arrive_as_they_were_sent(ctx: moderngl.Context, rows: int, laye
     first = vec4(splat.centre, splat.radius);
     second = vec4(splat.normal, splat.thickness);
     """
-    texture.use(1)
-    defines = f"#define RECORD_WIDTH {RECORD_WIDTH}\n#define COUNT {len(records)}\n"
+    buffers.records.use(1)
+    defines = f"#define ROW_BITS {ROW_BITS}\n#define COUNT {count}\n"
     parts = list(evaluate(ctx, ["splat_record.glsl"], body, values, defines, splat_records=1))
     box_body = body.split("first = vec4", maxsplit=1)[0] + "first = splat.box; second = vec4(float(splat.turn));"
     box, turn = evaluate(ctx, ["splat_record.glsl"], box_body, values, defines, splat_records=1)
     box = box + TURN_STEP * turn * [0.0, 0.0, 0.0, 1.0]
-    fetched = np.concatenate([part.reshape(-1, 4)[: len(records)] for part in [*parts, box]], axis=1)
-    held.release()
     values.release()
-    assert np.array_equal(fetched, records.view(np.float32).reshape(-1, 12))
+    return np.concatenate([part.reshape(-1, 4)[:count] for part in [*parts, box]], axis=1)
 
 
 def test_boxes_are_turned_in_the_same_steps_in_python_and_glsl() -> None:

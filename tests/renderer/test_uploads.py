@@ -6,16 +6,27 @@ import moderngl
 import numpy as np
 import pytest
 
+from hierarchy.hierarchy import SPLAT
 from hierarchy.lod import Cut
 from renderer.cut_buffers import CORNERS, TRIANGLES_OF_CORNERS, CutBuffers
+from renderer.limits import Limits
 from renderer.programs import Uniforms
+
+LIMITS = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
 
 VERTEX = """
 #version 330 core
-in uint in_splat;
+in int in_tile;
+in vec4 in_color;
 flat out int v_splat;
 flat out int v_corner;
-void main() { v_splat = int(in_splat); v_corner = gl_VertexID & 3; gl_Position = vec4(0.0); }
+void main()
+{
+    ivec4 bytes = ivec4(255.0 * in_color + 0.5);
+    v_splat = in_tile < 0 ? bytes.x | bytes.y << 8 | bytes.z << 16 | bytes.w << 24 : -1;
+    v_corner = gl_VertexID & 3;
+    gl_Position = vec4(0.0);
+}
 """
 
 
@@ -41,15 +52,17 @@ def drawn(ctx, buffers, program, count):
 @pytest.mark.parametrize("counts", [(1,), (3, 2, 5), (7, 3000, 4, 5000)])
 def test_every_splat_is_drawn_as_two_triangles_of_its_corners(ctx, counts):
     program = ctx.program(VERTEX, varyings=("v_splat", "v_corner"))
-    buffers = CutBuffers(ctx)
+    buffers = CutBuffers(ctx, LIMITS)
     try:
         for count in counts:
             numbers = 1000 + 3 * np.arange(count)
-            buffers.upload(cut_of(numbers), None)
+            # The colour of a splat is its number.
+            colors = np.arange(numbers[-1] + 1, dtype=np.uint32).view(np.uint8).reshape(-1, 4)
+            buffers.upload(cut_of(numbers), np.zeros(count, SPLAT), colors, None)
             splats, corners = drawn(ctx, buffers, program, count).T
             np.testing.assert_array_equal(splats, np.repeat(numbers, len(TRIANGLES_OF_CORNERS)))
             np.testing.assert_array_equal(corners, np.tile(TRIANGLES_OF_CORNERS, count))
-            assert buffers.nbytes >= 12 * CORNERS * count
+            assert buffers.nbytes >= (SPLAT.itemsize + 12 * CORNERS) * count
     finally:
         buffers.release()
         program.release()

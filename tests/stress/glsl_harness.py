@@ -108,10 +108,9 @@ class Stage:
     def __init__(self, ctx: moderngl.Context, renderer: Renderer, hierarchy: Hierarchy, view: View, cut: Cut) -> None:
         self.ctx, self.view, self.cut = ctx, view, cut
         renderer.set_hierarchy(hierarchy)
-        assert renderer._buffers is not None
-        self.uniforms = pass_uniforms(cut, view, Settings(), renderer._buffers, None)
-        renderer._cut_buffers.upload(cut, None)
         self.cut_buffers = renderer._cut_buffers
+        self.cut_buffers.upload(cut, hierarchy.records_of(cut.splats), None, None)
+        self.uniforms = pass_uniforms(cut, view, Settings(), self.cut_buffers, None)
 
     def corners(self, *, visibility: bool) -> tuple[np.ndarray, np.ndarray]:
         """Return the clip coordinates (N, 4, 4) and the disc coordinates (N, 4, 2) of the splats' corners."""
@@ -120,7 +119,7 @@ class Stage:
         Uniforms(program).set(self.uniforms)
         count = len(self.cut.splats)
         captured = self.ctx.buffer(reserve=count * 4 * 6 * 4)
-        array = self.ctx.vertex_array(program, [(self.cut_buffers.splats, "1u 8x", "in_splat")])
+        array = self.ctx.vertex_array(program, [])
         # Nothing is drawn, but OpenGL wants a whole framebuffer all the same.
         framebuffer = self.ctx.simple_framebuffer((1, 1))
         framebuffer.use()
@@ -143,8 +142,9 @@ class Stage:
         """Return what disc_point() gives: (H, W, 4), the point in the disc's frame, the distance along the axis, and
         1 + the index of the splat, 0 where none is; row 0 at the top. The discs must not overlap on the screen."""
         header = self._header(visibility=False, sprite=sprite)
+        index = "gl_VertexID" if sprite else "gl_VertexID >> 2"
         vertex = shader_source("splat.vert").replace(
-            "void main()\n{", "flat out int v_index;\nvoid main()\n{\n    v_index = int(in_splat);", 1
+            "void main()\n{", f"flat out int v_index;\nvoid main()\n{{\n    v_index = {index};", 1
         )
         includes = ("project.glsl", "axis_distance.glsl", "disc_point.glsl")
         fragment = "".join(shader_source(f"include/{name}") for name in includes) + (

@@ -144,16 +144,6 @@ def test_tiles_take_no_more_memory_than_allowed(ctx, rough, megabytes: int) -> N
     assert (held > layer) == (megabytes >= 5)
 
 
-def test_records_in_several_layers_draw_the_same(ctx, model) -> None:
-    hierarchy, tiles = model
-    view = view_of(hierarchy)
-    with drawing(ctx, SMALL, hierarchy, tiles) as draw:
-        expected = draw(view)
-    with drawing(ctx, replace(SMALL, texture_size=2), hierarchy, tiles) as draw:
-        assert draw.renderer._buffers.records.layers > 1
-        assert np.array_equal(draw(view), expected)
-
-
 def test_without_blending_of_floats_the_nearest_splats_show(ctx, model) -> None:
     hierarchy, tiles = model
     view = view_of(hierarchy)
