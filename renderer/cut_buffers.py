@@ -15,6 +15,7 @@ from hierarchy.model import UInt8Array
 from renderer.allocation import GpuError, allocating
 from renderer.limits import Limits
 from renderer.tile_pages import TilePages
+from renderer.tile_places import NO_TILE
 
 # The two triangles of a rectangle, by the numbers of its corners: u from bit 0, v from bit 1.
 TRIANGLES_OF_CORNERS = (0, 1, 2, 2, 1, 3)
@@ -67,13 +68,13 @@ class CutBuffers:
         Raises GpuError where there is no room for it.
         """
         self._write_records(records)
-        splats = np.zeros((len(cut.splats), 3), np.uint32)
-        splats[:, 0] = 0xFFFFFFFF
-        if tiles is not None:
-            places, splats[:, 1] = tiles.places_of(cut.splats)
-            splats[:, 0] = places.view(np.uint32)
+        splats = np.zeros((len(cut.splats), 3), np.int32)
+        if tiles is None:
+            splats[:, 0] = NO_TILE
+        else:
+            splats[:, :2] = tiles.places_of(cut.splats)
         if colors is not None:
-            splats[:, 2] = colors.view(np.uint32)[:, 0].take(cut.splats)
+            splats[:, 2] = colors.view(np.int32)[:, 0].take(cut.splats)
         self._write(self.splats, np.repeat(splats, CORNERS, axis=0))
         self._write(self.indices, cut.indices)
         if self.corners.size < 4 * len(TRIANGLES_OF_CORNERS) * len(splats):

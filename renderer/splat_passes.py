@@ -11,7 +11,6 @@ import moderngl
 
 from hierarchy.kernel import SHARPNESS, SMALLEST
 from hierarchy.lod import Cut
-from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View
 from renderer.cut_buffers import ROW_BITS, TRIANGLES_OF_CORNERS, CutBuffers
 from renderer.leaf_buffers import LeafBuffers
@@ -165,11 +164,7 @@ def pass_uniforms(
     }
     if tiles is not None:
         tiles.normals.use(NORMALS_UNIT)
-        uniforms |= {
-            "tile_normals": NORMALS_UNIT,
-            "tile_texels": tiles.texels,
-            "layer_size": LAYER_SIZE,
-        }
+        uniforms |= {"tile_normals": NORMALS_UNIT, "tile_texels": tiles.texels}
         if tiles.colors is not None:
             tiles.colors.use(TILE_COLORS_UNIT)
             uniforms["tile_colors"] = TILE_COLORS_UNIT

@@ -1,8 +1,8 @@
 """A cache of normal tiles on the GPU: those that were drawn last, of nodes whose tiles are baked one after the other.
 
-A page is a strip as wide as the texture and as high as the largest tile. All tiles of a page have one size; those of
-the next batch go on where the last ones ended. When all pages are taken the textures grow, up to the budget; then pages
-are used anew in the order in which they were drawn last.
+A page is a part of a layer, as wide as that, with room for PAGE_ROWS rows of the largest tile. All tiles of a page have
+one size; those of the next batch go on where the last ones ended. When all pages are taken the textures grow, up to the
+budget; then pages are used anew in the order in which they were drawn last.
 """
 
 from __future__ import annotations
@@ -13,18 +13,28 @@ import numpy as np
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.model import Int32Array, UInt32Array
 from hierarchy.normal_tiles import FittedTiles
-from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.tile_sizes import sides_of, tiles_seen
 from hierarchy.view import View
 from renderer.allocation import GpuError, Held, allocating
 from renderer.limits import Limits
-from renderer.tile_places import MOST_LAYERS, NO_TILE, layer_of, place_of, row_of, sides_at
+from renderer.tile_places import (
+    LAYER_HEIGHT,
+    LAYER_WIDTH,
+    MOST_LAYERS,
+    NO_TILE,
+    layer_of,
+    place_of,
+    row_of,
+    sides_at,
+)
 
 # Bytes of graphics memory for tiles where nobody says: a quarter of a million of 16 x 16 texels, half in 16 bits.
 DEFAULT_BYTES = 1 << 27
 # What a node has in place of a tile's place: one that was not baked, and one that needs no tile.
 MISSING, NEEDLESS = NO_TILE, NO_TILE - 1
 NEVER = -1
+PAGE_ROWS = 32
+OF_LAYER = LAYER_WIDTH * LAYER_HEIGHT
 
 Textures = tuple[moderngl.TextureArray, moderngl.TextureArray | None]
 
@@ -41,30 +51,38 @@ class TilePages:
     ) -> None:
         """Make room for tiles.
 
+        texels : LAYER_WIDTH at most
         nodes : of the hierarchy
         colored : its tiles have colours
         most : tiles there is room for at most, where they all have w_s x w_s texels; None: for those of any cut
-        Raises GpuError where not even a layer fits.
+        Raises GpuError where not even a layer fits, ValueError where a tile is wider than that.
         """
+        if texels > LAYER_WIDTH:
+            raise ValueError(f"a tile has at most {LAYER_WIDTH} texels a side, not {texels}")
         self.texels = texels
         self.untiled = 0
         self._sizes = len(sides_of(texels)) if most is None else 1
         self._colored = colored
         # Filtered to bytes again normals would be off by up to a degree: so it is numbers of 16 bits that are filtered.
         self._dtype = "f1" if limits.fine_filter else "nu2"
-        of_layer = LAYER_SIZE**2 * self._texel_bytes
+        of_layer = OF_LAYER * self._texel_bytes
         budget = limits.tile_bytes
         if budget is None:
             budget = DEFAULT_BYTES if most is None else of_layer * MOST_LAYERS
-        self._of_layer = LAYER_SIZE // texels
+        self._page_height = PAGE_ROWS * texels
+        self._of_layer = LAYER_HEIGHT // self._page_height
+        # Of the largest tiles.
+        self._of_page = LAYER_WIDTH // texels * PAGE_ROWS
         # Some pages are not full.
-        wanted = -(-(2 * nodes if most is None else most) // self._of_layer**2)
+        wanted = -(-(2 * nodes if most is None else most) // (self._of_layer * self._of_page))
         self._most_layers = max(1, min(wanted, budget // of_layer, limits.array_layers, MOST_LAYERS))
         self._ctx = ctx
         self._held, self.normals, self.colors = self._textures(1)
         pages = self.normals.layers * self._of_layer
-        self._place_of_node = np.full(nodes, MISSING, np.int32)
-        self._spread_of_node = np.zeros(nodes, np.uint32)
+        # Side by side, since a frame asks for both: a place, and the four bytes of a spread.
+        self._of_node = np.zeros((nodes, 2), np.int32)
+        self._place_of_node, self._spread_of_node = self._of_node[:, 0], self._of_node[:, 1]
+        self._place_of_node[:] = MISSING
         # As how many texels a side it was baked before it was fitted.
         self._baked_as = np.zeros(nodes, np.uint16)
         self._nodes_of_page: list[list[UInt32Array]] = [[] for _ in range(pages)]
@@ -104,7 +122,7 @@ class TilePages:
             return min(len(nodes), pages)
         sides = np.where(most > self._baked_as[nodes], most, self._side_of(self._place_of_node[nodes]))
         # Of each size but one a page may be almost empty.
-        room = (pages - (self._sizes - 1)) * self._of_layer * self.texels**2
+        room = (pages - (self._sizes - 1)) * self._of_page * self.texels**2
         return int(np.searchsorted(np.cumsum(sides.astype(np.int64) ** 2), room, "right"))
 
     def _side_of(self, places: Int32Array) -> Int32Array:
@@ -122,30 +140,37 @@ class TilePages:
 
     def _add(self, tiles: FittedTiles, side: int) -> bool:
         here = np.flatnonzero(tiles.sides == side)
-        in_row, rows = LAYER_SIZE // side, self.texels // side
-        spreads = tiles.spreads.view(np.uint32)[:, 0]
+        in_row = LAYER_WIDTH // side
+        in_page = in_row * (self._page_height // side)
+        spreads = tiles.spreads.view(np.int32)[:, 0]
         done = 0
         while done < len(here):
-            page, filled = self._open.get(side, (NEVER, in_row * rows))
-            if filled == in_row * rows:
+            page, filled = self._open.get(side, (NEVER, in_page))
+            if filled == in_page:
                 page, filled = self._free_page(), 0
                 if page == NEVER:
                     return False
-            # Row by row of the page: what is written is a rectangle.
+            # What is written is a rectangle: what is left of a row, whole rows, or the beginning of one.
             row, column = divmod(filled, in_row)
-            count = min(in_row - column, len(here) - done)
+            count = min(in_page - filled, len(here) - done)
+            if column or count < in_row:
+                count = min(in_row - column, count)
+            else:
+                count -= count % in_row
             new = here[done : done + count]
             nodes = tiles.nodes[new]
             layer, top = divmod(page, self._of_layer)
-            top = top * self.texels + row * side
+            top = top * self._page_height + row * side
             normals = tiles.normals[side][done : done + count]
             # 257 times a byte is the same share of 65535 as the byte is of 255.
             wide = normals if self._dtype == "f1" else np.multiply(normals, 257, dtype=np.uint16)
-            self._write(self.normals, wide, (column * side, top, layer))
+            corner = column * side, top, layer
+            self._write(self.normals, wide, corner)
             if self.colors is not None:
-                self._write(self.colors, tiles.colors[side][done : done + count], (column * side, top, layer))
-            columns = np.arange(column, column + count, dtype=np.int32) * side
-            self._place_of_node[nodes] = place_of(layer, top, columns, side if side < self.texels else 0)
+                self._write(self.colors, tiles.colors[side][done : done + count], corner)
+            rows, columns = np.divmod(np.arange(column, column + count, dtype=np.int32), in_row)
+            named = side if side < self.texels else 0
+            self._place_of_node[nodes] = place_of(layer, top + rows * side, columns * side, named)
             self._spread_of_node[nodes] = spreads[new]
             self._baked_as[nodes] = tiles.most[new]
             self._nodes_of_page[page].append(nodes)
@@ -156,10 +181,12 @@ class TilePages:
 
     @staticmethod
     def _write(texture: moderngl.TextureArray, tiles: np.ndarray, corner: tuple[int, int, int]) -> None:
-        """Write tiles, (N, side, side, C) of the texture's dtype, side by side."""
-        count, side = tiles.shape[:2]
-        row = np.ascontiguousarray(tiles.transpose(1, 0, 2, 3))
-        texture.write(row, (*corner, count * side, side, 1), alignment=1)
+        """Write tiles, (N, side, side, C) of the texture's dtype, side by side: a part of a row, or whole rows."""
+        count, side, _, components = tiles.shape
+        across = min(count, LAYER_WIDTH // side)
+        down = count // across
+        rows = tiles.reshape(down, across, side, side, components).transpose(0, 2, 1, 3, 4)
+        texture.write(np.ascontiguousarray(rows), (*corner, across * side, down * side, 1), alignment=1)
 
     def _free_page(self) -> int:
         """Return the page that was drawn least recently, emptied; NEVER: all were drawn in this frame."""
@@ -198,7 +225,7 @@ class TilePages:
         return True
 
     def _page_of(self, places: Int32Array) -> Int32Array:
-        return layer_of(places) * self._of_layer + row_of(places) // self.texels
+        return layer_of(places) * self._of_layer + row_of(places) // self._page_height
 
     def clear(self) -> None:
         """Forget all tiles."""
@@ -206,27 +233,27 @@ class TilePages:
         self._nodes_of_page = [[] for _ in self._nodes_of_page]
         self._open.clear()
 
-    def places_of(self, splats: UInt32Array) -> tuple[Int32Array, UInt32Array]:
+    def places_of(self, splats: UInt32Array) -> Int32Array:
         """Return where the tiles of a cut's splats lie, and what their bytes stand for.
 
-        Returns int32 (K,), the places in the textures (tile_places.py), below 0: nowhere; and uint32 (K,), the four
-        bytes of `FittedTiles.spreads`.
+        Returns int32 (K, 2), the places in the textures (tile_places.py), below 0: nowhere; and the four bytes of
+        `FittedTiles.spreads`.
         """
-        places = np.full(len(splats), NO_TILE, np.int32)
-        is_node = splats < len(self._place_of_node)
-        if self._last is not None:
-            # A tile that is still here from an earlier frame does not count: what is drawn without a tile shall not
-            # depend on the past.
-            is_node &= splats <= self._last
-        nodes = splats[is_node]
-        places[is_node] = self._place_of_node[nodes]
-        spreads = np.zeros(len(splats), np.uint32)
-        spreads[is_node] = self._spread_of_node[nodes]
-        return places, spreads
+        # A tile that is still here from an earlier frame does not count: what is drawn without a tile shall not
+        # depend on the past.
+        end = len(self._of_node) if self._last is None else self._last + 1
+        of_node = self._of_node.view(np.int64)[:, 0]
+        has_place = splats < end
+        if has_place.all():
+            return of_node.take(splats).view(np.int32).reshape(-1, 2)
+        places = np.zeros((len(splats), 2), np.int32)
+        places[:, 0] = NO_TILE
+        places.view(np.int64)[has_place, 0] = of_node[splats[has_place]]
+        return places
 
     @property
     def nbytes(self) -> int:
-        return LAYER_SIZE**2 * self.normals.layers * self._texel_bytes
+        return OF_LAYER * self.normals.layers * self._texel_bytes
 
     @property
     def _texel_bytes(self) -> int:
@@ -238,14 +265,14 @@ class TilePages:
         copied : what their first layers are to hold
         """
         kinds = [(2, self._dtype)] + ([(4, "f1")] if self._colored else [])
-        size = LAYER_SIZE, LAYER_SIZE, layers
+        size = LAYER_WIDTH, LAYER_HEIGHT, layers
         with allocating(self._ctx, "the normal tiles; choose a smaller w_s") as held:
             made = [held.add(self._ctx.texture_array(size, components, dtype=dtype)) for components, dtype in kinds]
             for texture in made:
                 texture.filter = moderngl.LINEAR, moderngl.LINEAR
             for old, new in zip(copied or (), made, strict=False):
                 if old is not None:
-                    new.write(old.read(), (0, 0, 0, LAYER_SIZE, LAYER_SIZE, old.layers), alignment=1)
+                    new.write(old.read(), (0, 0, 0, LAYER_WIDTH, LAYER_HEIGHT, old.layers), alignment=1)
             return held, made[0], made[1] if self._colored else None
 
     def release(self) -> None:

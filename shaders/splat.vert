@@ -44,7 +44,8 @@ flat out float v_facing;  // 1: the disc faces the eye, 0: it faces away
 in int in_tile;
 in vec4 in_spread;
 flat out vec4 v_spread;  // low and width of the normals: texel t stands for low + t width
-flat out vec4 v_tile;  // of tile_at; layer -1: no tile
+flat out vec3 v_tile;  // of tile_at; layer -1: no tile
+flat out vec2 v_reach;
 #include "tile_place.glsl"
 #endif
 #ifdef COLOR
@@ -147,7 +148,8 @@ void main()
 #endif
 #ifdef NORMAL_MAPPING
     v_spread = in_spread;
-    v_tile = in_tile >= 0 && !turned ? tile_at(in_tile) : vec4(0.0, 0.0, -1.0, 0.0);
+    v_tile = tile_at(max(in_tile, 0), v_reach);
+    if (in_tile < 0 || turned) v_tile.z = -1.0;
 #endif
 #ifdef COLOR
     v_color = in_color.rgb;

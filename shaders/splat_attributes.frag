@@ -15,7 +15,8 @@ flat in vec3 v_o2;
 flat in vec3 v_normal;
 flat in float v_facing;
 #ifdef NORMAL_MAPPING
-flat in vec4 v_tile;
+flat in vec3 v_tile;
+flat in vec2 v_reach;
 flat in vec4 v_spread;
 uniform sampler2DArray tile_normals;
 #ifdef COLOR
@@ -47,7 +48,7 @@ void main()
 #endif
 #ifdef NORMAL_MAPPING
     if (v_tile.z >= 0.0) {
-        vec3 at = vec3(v_tile.xy + v_tile.w * point.at, v_tile.z);
+        vec3 at = vec3(v_tile.xy + v_reach * point.at, v_tile.z);
         vec3 local = decode_hemisphere(v_spread.xy + v_spread.zw * texture(tile_normals, at).rg);
         normal = normalize(local.x * v_o1 + local.y * v_o2 + local.z * v_normal);
 #ifdef COLOR

@@ -14,14 +14,13 @@ from hierarchy.build import build_hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import FittedTiles, TileBaker, bake_tiles
-from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.tile_sizes import texels_seen
 from hierarchy.view import look_at
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture
 from renderer.tile_pages import MISSING, TilePages
-from renderer.tile_places import layer_of
+from renderer.tile_places import LAYER_HEIGHT, LAYER_WIDTH, layer_of, row_of
 
 SIZE = (160, 120)
 
@@ -130,23 +129,31 @@ def rough(monkeypatch):
     return build_hierarchy(replace(model, normals=normals.astype(np.float32), colors=None))
 
 
+def limit_to_16_pages(renderer, **limits):
+    """Leave room for four layers of tiles, which of at most 32 x 32 texels are 16 pages of 32; return their bytes."""
+    limits = replace(renderer.limits, **limits)
+    of_layer = LAYER_WIDTH * LAYER_HEIGHT * (2 if limits.fine_filter else 4)
+    renderer.limits = replace(limits, tile_bytes=4 * of_layer)
+    return of_layer
+
+
 def test_pages_of_what_is_not_drawn_any_more_make_room(renderer, rough, monkeypatch):
     """Every page holds a tile that is still drawn, most of the others are not: all are baked again on few pages."""
-    renderer.limits = replace(renderer.limits, tile_bytes=1)
+    limit_to_16_pages(renderer)
     renderer.set_hierarchy(rough)
     cleared = []
     clear = TilePages.clear
     monkeypatch.setattr(TilePages, "clear", lambda pages: (cleared.append(True), clear(pages)))
     tiling, whole = Tiling(renderer, lambda: None), cut_of(rough)
-    nodes = np.arange(1, 513, dtype=np.uint32)
-    # 16 pages of 16 tiles.
-    for first in range(0, 192, 16):
-        wait_for_all(tiling, rough, 64, replace(whole, splats=nodes[first : first + 16], silhouette_splats=0))
-    kept = nodes[:192:16]
-    wait_for_all(tiling, rough, 64, replace(whole, splats=kept, silhouette_splats=0))
+    nodes = np.arange(1, 1025, dtype=np.uint32)
+    # 16 pages of 32 tiles.
+    for first in range(0, 384, 32):
+        wait_for_all(tiling, rough, 32, replace(whole, splats=nodes[first : first + 32], silhouette_splats=0))
+    kept = nodes[:384:32]
+    wait_for_all(tiling, rough, 32, replace(whole, splats=kept, silhouette_splats=0))
     assert not cleared
-    cut = replace(whole, splats=np.concatenate([kept, nodes[256:400]]), silhouette_splats=0)
-    wait_for_all(tiling, rough, 64, cut)
+    cut = replace(whole, splats=np.concatenate([kept, nodes[512:800]]), silhouette_splats=0)
+    wait_for_all(tiling, rough, 32, cut)
     assert cleared
     assert tiling._shown.pages.untiled == 0
     assert not tiling.busy
@@ -154,18 +161,18 @@ def test_pages_of_what_is_not_drawn_any_more_make_room(renderer, rough, monkeypa
 
 
 def test_cut_larger_than_the_memory_gets_tiles_for_its_largest_splats(renderer, rough):
-    renderer.limits = replace(renderer.limits, tile_bytes=1)
+    limit_to_16_pages(renderer)
     renderer.set_hierarchy(rough)
     tiling = Tiling(renderer, lambda: None)
     for distance in (6.0, 2.0, 3.0):
         cut = cut_of(rough, distance=distance)
-        wait_for_all(tiling, rough, 64, cut, distance=distance)
+        wait_for_all(tiling, rough, 32, cut, distance=distance)
         pages = tiling._shown.pages
         nodes = np.sort(cut.splats[cut.splats < rough.node_count])
-        with_tiles = cut.splats[pages.places_of(cut.splats)[0] != MISSING]
-        # Of 16 pages of 16 tiles four may be almost empty; a few tiles turn out to be smaller.
+        with_tiles = cut.splats[pages.places_of(cut.splats)[:, 0] != MISSING]
+        # Of 16 pages of 32 tiles four may be almost empty; a few tiles turn out to be smaller.
         room = len(nodes) - pages.untiled
-        assert room == len(nodes) or 192 <= room < 256
+        assert room == len(nodes) or 384 <= room < 512
         assert np.array_equal(np.sort(with_tiles), nodes[:room])
     # Not all are there, nor will they be.
     assert tiling.texels == 0
@@ -173,12 +180,12 @@ def test_cut_larger_than_the_memory_gets_tiles_for_its_largest_splats(renderer, 
 
 
 def test_small_tiles_take_little_room(renderer, hierarchy):
-    """Two thousand tiles of up to 64 x 64 texels do not fit into a layer; those that they are fitted by do."""
-    renderer.limits = replace(renderer.limits, tile_bytes=1)
+    """Two thousand tiles of up to 32 x 32 texels do not fit into 16 pages; those that they are fitted by do."""
+    limit_to_16_pages(renderer)
     tiling, cut = Tiling(renderer, lambda: None), cut_of(hierarchy)
-    assert np.count_nonzero(cut.splats < hierarchy.node_count) > 256
-    wait_for_all(tiling, hierarchy, 64, cut)
-    assert tiling.texels == 64
+    assert np.count_nonzero(cut.splats < hierarchy.node_count) > 512
+    wait_for_all(tiling, hierarchy, 32, cut)
+    assert tiling.texels == 32
     assert tiling._shown.pages.untiled == 0
     tiling.close()
 
@@ -204,7 +211,7 @@ def test_failure_is_told_once_and_not_tried_again(renderer, hierarchy, monkeypat
 
 def missing_of(pages, nodes):
     """Return those of the nodes that have no tile."""
-    return nodes[pages.places_of(nodes)[0] == MISSING]
+    return nodes[pages.places_of(nodes)[:, 0] == MISSING]
 
 
 def tiles_of_one_size(nodes, side):
@@ -218,9 +225,9 @@ def tiles_of_one_size(nodes, side):
 def texels_at(pages, nodes):
     """Return the first and the last texel of each node's tile, as they are on the GPU."""
     dtype, unit = (np.uint8, 1) if pages.normals.dtype == "f1" else (np.uint16, 257)
-    texels = np.frombuffer(pages.normals.read(), dtype).reshape(-1, LAYER_SIZE, LAYER_SIZE, 2) // unit
-    places, _ = pages.places_of(nodes)
-    power, row, column = places >> 28, places >> 10 & 1023, places & 1023
+    texels = np.frombuffer(pages.normals.read(), dtype).reshape(-1, LAYER_HEIGHT, LAYER_WIDTH, 2) // unit
+    places = pages.places_of(nodes)[:, 0]
+    power, row, column = places >> 28, row_of(places), places & LAYER_WIDTH - 1
     last = np.where(power > 0, 1 << power, pages.texels) - 1
     layer = layer_of(places)
     return texels[layer, row, column, 0], texels[layer, row + last, column + last, 1]
@@ -228,37 +235,36 @@ def texels_at(pages, nodes):
 
 @pytest.mark.parametrize("fine_filter", [True, False], ids=["bytes", "16 bits"])
 def test_least_recently_drawn_pages_make_room(renderer, rough, fine_filter):
-    """One layer of tiles of 64 x 64 texels has 16 pages of 16."""
-    renderer.limits = replace(renderer.limits, tile_bytes=1, fine_filter=fine_filter)
+    of_layer = limit_to_16_pages(renderer, fine_filter=fine_filter)
     renderer.set_hierarchy(rough)
-    pages, view = renderer.make_pages(64), view_of(rough)
-    assert pages.nbytes == (2 if fine_filter else 4) * LAYER_SIZE**2
+    pages, view = renderer.make_pages(32), view_of(rough)
+    assert pages.nbytes == of_layer
     nodes = np.arange(rough.node_count, dtype=np.uint32)
-    for first in range(0, 256, 16):
-        missing, most = pages.begin(nodes[first : first + 16], view, rough)
-        assert (most == 64).all()
-        assert pages.add(tiles_of_one_size(missing, 64))
-    assert len(missing_of(pages, nodes[:256])) == 0
+    for first in range(0, 512, 32):
+        missing, most = pages.begin(nodes[first : first + 32], view, rough)
+        assert (most == 32).all()
+        assert pages.add(tiles_of_one_size(missing, 32))
+    assert len(missing_of(pages, nodes[:512])) == 0
     # The oldest page goes; what is drawn stays even if there is no other.
-    pages.begin(nodes[240:256], view, rough)
-    assert pages.add(tiles_of_one_size(nodes[256:272], 64))
-    assert missing_of(pages, nodes[:32]).tolist() == list(range(16))
-    assert len(missing_of(pages, nodes[32:192])) == 0
-    pages.begin(nodes[16:176], view, rough)
-    for first in (272, 288, 304, 320, 336, 352):
-        assert pages.add(tiles_of_one_size(nodes[first : first + 16], 64))
-    assert len(missing_of(pages, nodes[16:176])) == 0
-    assert not pages.add(tiles_of_one_size(nodes[368:384], 64))
-    assert len(missing_of(pages, nodes[368:384])) == 16
+    pages.begin(nodes[480:512], view, rough)
+    assert pages.add(tiles_of_one_size(nodes[512:544], 32))
+    assert missing_of(pages, nodes[:64]).tolist() == list(range(32))
+    assert len(missing_of(pages, nodes[64:384])) == 0
+    pages.begin(nodes[32:352], view, rough)
+    for first in range(544, 736, 32):
+        assert pages.add(tiles_of_one_size(nodes[first : first + 32], 32))
+    assert len(missing_of(pages, nodes[32:352])) == 0
+    assert not pages.add(tiles_of_one_size(nodes[736:768], 32))
+    assert len(missing_of(pages, nodes[736:768])) == 32
     # What is baked twice moves, and is not lost with the page where it was.
     pages.clear()
-    pages.begin(nodes[:16], view, rough)
-    assert pages.add(tiles_of_one_size(nodes[:16], 64))
-    assert pages.add(tiles_of_one_size(nodes[:16], 64))
-    pages.begin(nodes[:16], view, rough)
-    for first in range(16, 256, 16):
-        assert pages.add(tiles_of_one_size(nodes[first : first + 16], 64))
-    assert len(missing_of(pages, nodes[:16])) == 0
+    pages.begin(nodes[:32], view, rough)
+    assert pages.add(tiles_of_one_size(nodes[:32], 32))
+    assert pages.add(tiles_of_one_size(nodes[:32], 32))
+    pages.begin(nodes[:32], view, rough)
+    for first in range(32, 512, 32):
+        assert pages.add(tiles_of_one_size(nodes[first : first + 32], 32))
+    assert len(missing_of(pages, nodes[:32])) == 0
     pages.release()
 
 
@@ -277,7 +283,7 @@ def test_tiles_of_all_sizes_lie_where_they_are_looked_up(renderer, hierarchy):
         side_of[some] = side
     there = nodes[side_of > 0]
     assert len(missing_of(pages, there)) == 0
-    power = pages.places_of(there)[0] >> 28
+    power = pages.places_of(there)[:, 0] >> 28
     np.testing.assert_array_equal(np.where(power > 0, 1 << power, 16), side_of[there])
     for found in texels_at(pages, there):
         np.testing.assert_array_equal(found, there % 251)
@@ -297,7 +303,7 @@ def test_tiles_grow_with_what_is_seen_of_them(renderer, hierarchy):
         while tiling.follow(hierarchy, 32, cut, view):
             assert time.monotonic() < end
             time.sleep(0.005)
-        power = tiling._shown.pages.places_of(nodes)[0]
+        power = tiling._shown.pages.places_of(nodes)[:, 0]
         sides = np.where(power < 0, 0, np.where(power >> 28 > 0, 1 << (power >> 28), 32))
         assert (sides <= texels_seen(hierarchy, view, nodes, 32)).all()
         total.append(int(sides.sum()))

@@ -29,6 +29,8 @@ from renderer.leaf_buffers import Pages
 from renderer.renderer import Renderer
 from renderer.resolve_passes import CRACK_REACH
 from renderer.settings import Settings
+from renderer.tile_pages import OF_LAYER
+from renderer.tile_places import LAYER_WIDTH
 
 Draw = Callable[..., tuple[Frame, Cut]]
 Scene = tuple[Hierarchy, NormalTiles]
@@ -211,18 +213,30 @@ def test_more_texels_come_nearer_to_the_leaves(draw: Draw, meteoroid: Scene) -> 
     assert errors[4] < 1.05 * errors[3]
 
 
-def test_tiles_in_many_layers_are_found(draw: Draw, meteoroid: Scene) -> None:
+def layers_of(renderer: Renderer) -> int:
+    assert renderer._tiles is not None
+    return renderer._tiles.normals.layers
+
+
+def test_tiles_in_many_layers_are_found(renderer: Renderer, draw: Draw, meteoroid: Scene) -> None:
     hierarchy, _ = meteoroid
     view = view_of(hierarchy)
-    tiles = bake_tiles(hierarchy, 128)
-    assert len(tiles.normals) > 4
+    tiles = bake_tiles(hierarchy, LAYER_WIDTH)
     expected, cut = draw(view, hierarchy, tiles)
+    layers = layers_of(renderer)
+    assert layers > 4
     # Those that are drawn alone, elsewhere and in fewer layers.
-    some = bake_tiles(hierarchy, 128, nodes=cut.splats[cut.splats < hierarchy.node_count])
-    assert len(some.normals) < len(tiles.normals)
+    some = bake_tiles(hierarchy, LAYER_WIDTH, nodes=cut.splats[cut.splats < hierarchy.node_count])
     frame, _ = draw(view, hierarchy, some)
+    assert layers_of(renderer) < layers
     assert np.abs(frame.color.astype(int) - expected.color).max() <= 1
     np.testing.assert_allclose(frame.normal, expected.normal, atol=0.01)
+
+
+def test_tiles_wider_than_a_layer_are_an_error(renderer: Renderer, meteoroid: Scene) -> None:
+    renderer.set_hierarchy(meteoroid[0])
+    with pytest.raises(ValueError, match="at most 32 texels"):
+        renderer.make_pages(LAYER_WIDTH + 1)
 
 
 def test_what_does_not_fit_leaves_the_old_one_in_place(
@@ -337,9 +351,10 @@ def test_what_it_costs(ctx: moderngl.Context, draw: Draw, renderer: Renderer, me
     assert set(renderer.timings) == {"visibility", "attributes", "resolve"}
     assert all(0.0 < milliseconds < 10_000.0 for milliseconds in renderer.timings.values())
     without = renderer.gpu_bytes
-    assert without > hierarchy.splats.nbytes
+    assert without > hierarchy.leaves.positions.nbytes + hierarchy.leaves.normals.nbytes
     renderer.set_tiles(tiles)
-    nbytes = tiles.normals.nbytes * (1 if renderer.limits.fine_filter else 2)
+    nbytes = layers_of(renderer) * OF_LAYER * (2 if renderer.limits.fine_filter else 4)
+    assert nbytes > tiles.nbytes
     assert renderer.gpu_bytes == without + nbytes
     cut = select_cut(hierarchy, view_of(hierarchy, (640, 480)), 2.0, 16.0)
     framebuffer = ctx.simple_framebuffer((640, 480))

@@ -20,7 +20,6 @@ from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.normal_tiles import NormalTiles, bake_tiles
-from hierarchy.tile_kernels import LAYER_SIZE
 from hierarchy.view import View, look_at
 from renderer.allocation import GpuError
 from renderer.cut_tiles import CutTiles
@@ -28,7 +27,7 @@ from renderer.limits import Limits, blends_floats, filters_finely, probe_limits
 from renderer.renderer import Renderer
 from renderer.settings import Settings
 from renderer.targets import make_picture, release_picture
-from renderer.tile_pages import TilePages
+from renderer.tile_pages import OF_LAYER, TilePages
 
 SIZE = (96, 72)
 SMALL = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
@@ -94,24 +93,24 @@ def rough(monkeypatch) -> Hierarchy:
 def test_tiles_of_the_cut_are_brought_where_there_is_room_for_no_more(
     ctx, rough, ledger: Ledger, amount, fine_filter: bool
 ) -> None:
-    small, layer = replace(SMALL, fine_filter=fine_filter), (2 if fine_filter else 4) * LAYER_SIZE**2
+    small, room = replace(SMALL, fine_filter=fine_filter), (2 if fine_filter else 4) * 8 * OF_LAYER
     views = [view_of(rough, azimuth) for azimuth in np.linspace(0.0, 6.0, amount(4, 200))]
     # Back to the first ones, whose tiles have had to make room.
     views += views[:2]
     with drawing(ctx, small, rough, None) as draw:
         expected = [draw(view, r_inner=12.0) for view in views]
-        assert draw.renderer._tiles.nbytes > layer
-    with drawing(ctx, replace(small, tile_bytes=layer), rough, None) as draw:
+        assert draw.renderer._tiles.nbytes > room
+    with drawing(ctx, replace(small, tile_bytes=room), rough, None) as draw:
         drawn = [draw(view, r_inner=12.0) for view in views]
         assert draw.renderer.shortcomings == []
-        assert draw.renderer._tiles.nbytes == layer
+        assert draw.renderer._tiles.nbytes == room
     worst = max(np.abs(one - other).max() for one, other in zip(drawn, expected, strict=True))
     # A texel's place in the texture turns the rounding of its filter, of bytes between texels as rough as these by two
     # levels.
     texels = "bytes" if fine_filter else "16 bits"
     ledger.record(
         "faults", f"memory for tiles, {texels}",
-        "one layer of the atlas for a model with several, an orbit", cases=len(views),
+        "room for some of the tiles of a model, an orbit", cases=len(views),
         worst=worst, bound=3 if fine_filter else 1, unit="grey levels",
     )  # fmt: skip
 
@@ -121,7 +120,7 @@ def test_more_tiles_in_one_frame_than_there_is_room_for(ctx, rough) -> None:
     with drawing(ctx, SMALL, rough, None) as draw:
         whole = draw(near, r_inner=1.5)
         plain = draw(near, Settings(normal_mapping=False), r_inner=1.5)
-    with drawing(ctx, replace(SMALL, tile_bytes=1), rough, None) as draw:
+    with drawing(ctx, replace(SMALL, tile_bytes=8 * 2 * OF_LAYER), rough, None) as draw:
         before = draw(near, r_inner=1.5)
         (line,) = draw.renderer.shortcomings
         assert "one normal each" in line
@@ -134,14 +133,12 @@ def test_more_tiles_in_one_frame_than_there_is_room_for(ctx, rough) -> None:
 
 @pytest.mark.parametrize("megabytes", [1, 3, 5, 64, 10_000])
 def test_tiles_take_no_more_memory_than_allowed(ctx, rough, megabytes: int) -> None:
-    layer = 2 * LAYER_SIZE**2
     with drawing(ctx, replace(SMALL, tile_bytes=megabytes * 1_000_000), rough, None) as draw:
         for azimuth in (0.0, 1.5, 3.0):
             draw(view_of(rough, azimuth), r_inner=6.0)
         held = draw.renderer._tiles.nbytes
-    # One layer there has to be.
-    assert held <= max(megabytes * 1_000_000, layer)
-    assert (held > layer) == (megabytes >= 5)
+    assert held <= megabytes * 1_000_000
+    assert (held > 8 * 2 * OF_LAYER) == (megabytes >= 3)
 
 
 def test_without_blending_of_floats_the_nearest_splats_show(ctx, model) -> None:
@@ -180,16 +177,16 @@ def test_a_picture_larger_than_the_limits_is_one_line(ctx) -> None:
 def test_tiles_get_the_memory_that_there_is(ctx, rough, monkeypatch) -> None:
     make = TilePages._textures
 
-    def make_one_layer_only(pages: TilePages, layers: int, copied: Any = None) -> Any:
-        if layers > 1:
+    def make_few_layers_only(pages: TilePages, layers: int, copied: Any = None) -> Any:
+        if layers > 8:
             raise GpuError("no memory")
         return make(pages, layers, copied)
 
-    monkeypatch.setattr(TilePages, "_textures", make_one_layer_only)
+    monkeypatch.setattr(TilePages, "_textures", make_few_layers_only)
     with drawing(ctx, SMALL, rough, None) as draw:
         for azimuth in (0.0, 1.5, 3.0):
             draw(view_of(rough, azimuth), r_inner=12.0)
-        assert draw.renderer._tiles.normals.layers == 1
+        assert draw.renderer._tiles.normals.layers == 8
         assert draw.renderer.shortcomings == []
 
 
