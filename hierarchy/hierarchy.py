@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hierarchy.leaves import Leaves, Triangles
-from hierarchy.model import Float64Array, UInt8Array, UInt16Array, UInt32Array
+from hierarchy.model import Float64Array, UInt8Array, UInt16Array
 from hierarchy.openings import Openings
 
 # What the selection reads of a node.
@@ -78,12 +78,6 @@ class Hierarchy:
     @property
     def leaf_count(self) -> int:
         return len(self.leaves)
-
-    def records_of(self, splats: UInt32Array) -> np.ndarray:
-        """Return the records of splats with some numbers, uint32 (K,), side by side: SPLAT (K,)."""
-        # As bytes without fields numpy copies each in one go.
-        records: np.ndarray = self.splats.view(f"V{SPLAT.itemsize}").take(splats).view(SPLAT)
-        return records
 
     @property
     def leaf_kind(self) -> str:

@@ -9,18 +9,17 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
+from hierarchy.drawn_rows import gather_rows
 from hierarchy.hierarchy import SPLAT
 from hierarchy.lod import Cut
 from hierarchy.model import UInt8Array
 from renderer.allocation import GpuError, allocating
 from renderer.limits import Limits
 from renderer.tile_pages import TilePages
-from renderer.tile_places import NO_TILE
 
 # The two triangles of a rectangle, by the numbers of its corners: u from bit 0, v from bit 1.
 TRIANGLES_OF_CORNERS = (0, 1, 2, 2, 1, 3)
 CORNERS = 4
-CORNER_BYTES = 12
 # A record is a whole number of RGBA32F texels; this many records are a row of the texture. The power of two spares the
 # shader a division.
 TEXELS_PER_SPLAT = SPLAT.itemsize // 16
@@ -32,8 +31,9 @@ class CutBuffers:
     """The cut of a frame on the GPU, uploaded once for both passes.
 
     records : texture of the splats' records, RECORDS_IN_ROW of them to a row
-    splats : for each splat, CORNERS times, the place of its tile, int32, below 0: it has none, the four bytes of the
-        tile's spread, and those of the splat's colour
+    places : for each splat, CORNERS times, the place of its tile, int32, below 0: it has none, and the four bytes of
+        the tile's spread
+    colors : for each splat, CORNERS times, the four bytes of its colour
     corners : indices of the splats' triangles into these, the same for every cut
     indices : of the leaf triangles' vertices
     """
@@ -42,9 +42,7 @@ class CutBuffers:
     # instance is a draw of its own.
     def __init__(self, ctx: moderngl.Context, limits: Limits) -> None:
         self._ctx, self._limits = ctx, limits
-        self.splats = ctx.buffer(reserve=CORNER_BYTES, dynamic=True)
-        self.corners = ctx.buffer(reserve=CORNER_BYTES, dynamic=True)
-        self.indices = ctx.buffer(reserve=CORNER_BYTES, dynamic=True)
+        self.places, self.colors, self.corners, self.indices = (ctx.buffer(reserve=4, dynamic=True) for _ in range(4))
         self.records = self._texture(1)
 
     def splat_array(self, program: moderngl.Program, *, sprite: bool) -> moderngl.VertexArray:
@@ -52,11 +50,13 @@ class CutBuffers:
 
         sprite : as points, for which the first corner of each will do
         """
-        layouts = {"in_tile": ("1i", "4x"), "in_spread": ("4f1", "4x"), "in_color": ("4f1", "4x")}
-        names = [name for name in layouts if name in program]
-        layout = " ".join(used if name in names else unused for name, (used, unused) in layouts.items())
-        layout += f" {CORNER_BYTES * (CORNERS - 1)}x" if sprite else ""
-        content = [(self.splats, layout, *names)] if names else []
+        content: list[tuple[object, ...]] = []
+        if "in_tile" in program:
+            skip = f" {8 * (CORNERS - 1)}x" if sprite else ""
+            content.append((self.places, "1i 4f1" + skip, "in_tile", "in_spread"))
+        if "in_color" in program:
+            skip = f" {4 * (CORNERS - 1)}x" if sprite else ""
+            content.append((self.colors, "4f1" + skip, "in_color"))
         return self._ctx.vertex_array(program, content, None if sprite else self.corners)
 
     def upload(self, cut: Cut, records: np.ndarray, colors: UInt8Array | None, tiles: TilePages | None) -> None:
@@ -68,17 +68,13 @@ class CutBuffers:
         Raises GpuError where there is no room for it.
         """
         self._write_records(records)
-        splats = np.zeros((len(cut.splats), 3), np.int32)
-        if tiles is None:
-            splats[:, 0] = NO_TILE
-        else:
-            splats[:, :2] = tiles.places_of(cut.splats)
+        if tiles is not None:
+            self._write(self.places, tiles.places_of(cut.splats, CORNERS))
         if colors is not None:
-            splats[:, 2] = colors.view(np.int32)[:, 0].take(cut.splats)
-        self._write(self.splats, np.repeat(splats, CORNERS, axis=0))
+            self._write(self.colors, gather_rows(colors.view(np.int32), cut.splats, (0,), repeats=CORNERS))
         self._write(self.indices, cut.indices)
-        if self.corners.size < 4 * len(TRIANGLES_OF_CORNERS) * len(splats):
-            self._number_corners()
+        if self.corners.size < 4 * len(TRIANGLES_OF_CORNERS) * len(records):
+            self._number_corners(len(records) + len(records) // 2)
 
     def _write_records(self, records: np.ndarray) -> None:
         rows, rest = divmod(len(records), RECORDS_IN_ROW)
@@ -110,9 +106,9 @@ class CutBuffers:
         if len(array):
             buffer.write(np.ascontiguousarray(array))
 
-    def _number_corners(self) -> None:
-        """Fill `corners` for as many splats as there is room for."""
-        first = np.arange(self.splats.size // (CORNER_BYTES * CORNERS), dtype=np.uint32) * CORNERS
+    def _number_corners(self, count: int) -> None:
+        """Fill `corners` for so many splats."""
+        first = np.arange(count, dtype=np.uint32) * CORNERS
         corners = first[:, None] + np.array(TRIANGLES_OF_CORNERS, np.uint32)
         with allocating(self._ctx, "a frame's splats"):
             self.corners.orphan(corners.nbytes)
@@ -121,8 +117,9 @@ class CutBuffers:
     @property
     def nbytes(self) -> int:
         texels = self.records.width * self.records.height
-        return int(16 * texels + self.splats.size + self.corners.size + self.indices.size)
+        buffers = self.places, self.colors, self.corners, self.indices
+        return int(16 * texels + sum(buffer.size for buffer in buffers))
 
     def release(self) -> None:
-        for each in (self.splats, self.corners, self.indices, self.records):
+        for each in (self.places, self.colors, self.corners, self.indices, self.records):
             each.release()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
+from hierarchy.drawn_rows import records_of
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.lod import Cut
 from hierarchy.normal_tiles import NormalTiles
@@ -240,7 +241,7 @@ class Renderer:
         """Bring the cut to the GPU and bind it; return the records of its splats, and the uniforms of the passes."""
         assert self._hierarchy is not None
         assert self._leaf_buffers is not None
-        records = self._hierarchy.records_of(cut.splats)
+        records = records_of(self._hierarchy, cut.splats)
         self._leaf_buffers.bring(cut.indices)
         self._cut_buffers.upload(cut, records, self._hierarchy.colors, self._tiles)
         return records, pass_uniforms(cut, view, settings, self._cut_buffers, self._tiles)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
+from hierarchy.drawn_rows import gather_rows
 from hierarchy.hierarchy import Hierarchy
 from hierarchy.model import Int32Array, UInt32Array
 from hierarchy.normal_tiles import FittedTiles
@@ -233,23 +234,18 @@ class TilePages:
         self._nodes_of_page = [[] for _ in self._nodes_of_page]
         self._open.clear()
 
-    def places_of(self, splats: UInt32Array) -> Int32Array:
+    def places_of(self, splats: UInt32Array, repeats: int = 1) -> Int32Array:
         """Return where the tiles of a cut's splats lie, and what their bytes stand for.
 
-        Returns int32 (K, 2), the places in the textures (tile_places.py), below 0: nowhere; and the four bytes of
-        `FittedTiles.spreads`.
+        repeats : how often each is to be written
+
+        Returns int32 (repeats * K, 2), the places in the textures (tile_places.py), below 0: nowhere; and the four
+        bytes of `FittedTiles.spreads`.
         """
         # A tile that is still here from an earlier frame does not count: what is drawn without a tile shall not
         # depend on the past.
-        end = len(self._of_node) if self._last is None else self._last + 1
-        of_node = self._of_node.view(np.int64)[:, 0]
-        has_place = splats < end
-        if has_place.all():
-            return of_node.take(splats).view(np.int32).reshape(-1, 2)
-        places = np.zeros((len(splats), 2), np.int32)
-        places[:, 0] = NO_TILE
-        places.view(np.int64)[has_place, 0] = of_node[splats[has_place]]
-        return places
+        below = None if self._last is None else self._last + 1
+        return gather_rows(self._of_node, splats, (NO_TILE, 0), below=below, repeats=repeats)
 
     @property
     def nbytes(self) -> int:

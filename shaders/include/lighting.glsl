@@ -13,18 +13,20 @@ const float SPECULAR = 0.12;
 uniform sampler2D matcap;
 #endif
 
-// The highlight's shape, cosine to the power of 36, by squaring.
-float shine(float cosine)
+// The highlight's shape, a cosine to the power of 36, of the cosine's square.
+float shine(float x2)
 {
-    float x2 = cosine * cosine, x4 = x2 * x2, x8 = x4 * x4, x16 = x8 * x8;
+    float x4 = x2 * x2, x8 = x4 * x4, x16 = x8 * x8;
     return x16 * x16 * x4;
 }
 
 vec3 blinn_phong(vec3 albedo, vec3 n, vec3 to_eye, vec3 to_light, vec3 light)
 {
-    vec3 halfway = normalize(to_eye + to_light);
-    float diffuse = max(dot(n, to_light), 0.0);
-    return light * (albedo * diffuse + SPECULAR * shine(max(dot(n, halfway), 0.0)));
+    float along = dot(n, to_light);
+    // With the halfway vector, the sum of both directions over its length.
+    float both = max(dot(n, to_eye) + along, 0.0);
+    float square = both * both / (2.0 + 2.0 * dot(to_eye, to_light));
+    return light * (albedo * max(along, 0.0) + SPECULAR * shine(square));
 }
 
 vec3 lit(vec3 albedo, vec3 n, vec3 to_eye)
@@ -40,7 +42,7 @@ vec3 lit(vec3 albedo, vec3 n, vec3 to_eye)
     color += albedo * rim * RIM_LIGHT;
     // Of a light at the eye the halfway vector is the direction to both.
     float straight = max(dot(n, to_eye), 0.0);
-    color += HEADLIGHT * (albedo * straight + SPECULAR * shine(straight));
+    color += HEADLIGHT * (albedo * straight + SPECULAR * shine(straight * straight));
     return color + blinn_phong(albedo, n, to_eye, KEY_DIRECTION, KEY_LIGHT);
 #endif
 }

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hierarchy.build import build_hierarchy
+from hierarchy.drawn_rows import records_of
 from hierarchy.lod import Cut, select_cut
 from hierarchy.meteoroid import make_meteoroid
 from hierarchy.spans import STRIP, reached_spans
@@ -16,7 +17,7 @@ SIZE = (330, 250)
 
 
 def spans_of(hierarchy, cut, view, margin):
-    records = hierarchy.records_of(cut.splats)
+    records = records_of(hierarchy, cut.splats)
     return reached_spans(records, hierarchy.leaves, cut.indices, view, margin)
 
 

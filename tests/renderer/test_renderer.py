@@ -13,6 +13,7 @@ import pytest
 
 from benchmarks.error import angle_degrees
 from hierarchy.build import build_hierarchy
+from hierarchy.drawn_rows import records_of
 from hierarchy.hierarchy import SPLAT, Hierarchy
 from hierarchy.leaves import Triangles
 from hierarchy.lod import Cut, select_cut
@@ -170,7 +171,7 @@ def test_nothing_is_left_of_the_frames_before(
         frame, cut = draw(view, hierarchy, settings=settings)
         assert same(frame, after_others)
         # Sums are zero outside of the spans that they are erased in before the next frame.
-        spans = reached_spans(hierarchy.records_of(cut.splats), hierarchy.leaves, cut.indices, view, CRACK_REACH)
+        spans = reached_spans(records_of(hierarchy, cut.splats), hierarchy.leaves, cut.indices, view, CRACK_REACH)
         rows, columns = np.mgrid[:90, :110]
         inside = (columns >= spans[rows // STRIP, 0]) & (columns < spans[rows // STRIP, 1])
         for texture in renderer._targets.sums.values():

@@ -16,14 +16,13 @@ LIMITS = Limits(texture_size=4096, array_layers=256, picture_size=(4096, 4096))
 
 VERTEX = """
 #version 330 core
-in int in_tile;
 in vec4 in_color;
 flat out int v_splat;
 flat out int v_corner;
 void main()
 {
     ivec4 bytes = ivec4(255.0 * in_color + 0.5);
-    v_splat = in_tile < 0 ? bytes.x | bytes.y << 8 | bytes.z << 16 | bytes.w << 24 : -1;
+    v_splat = bytes.x | bytes.y << 8 | bytes.z << 16 | bytes.w << 24;
     v_corner = gl_VertexID & 3;
     gl_Position = vec4(0.0);
 }
@@ -62,7 +61,7 @@ def test_every_splat_is_drawn_as_two_triangles_of_its_corners(ctx, counts):
             splats, corners = drawn(ctx, buffers, program, count).T
             np.testing.assert_array_equal(splats, np.repeat(numbers, len(TRIANGLES_OF_CORNERS)))
             np.testing.assert_array_equal(corners, np.tile(TRIANGLES_OF_CORNERS, count))
-            assert buffers.nbytes >= (SPLAT.itemsize + 12 * CORNERS) * count
+            assert buffers.nbytes >= (SPLAT.itemsize + 4 * CORNERS) * count
     finally:
         buffers.release()
         program.release()

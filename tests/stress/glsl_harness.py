@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import moderngl
 import numpy as np
 
+from hierarchy.drawn_rows import records_of
 from hierarchy.hierarchy import SPLAT, Hierarchy
 from hierarchy.leaves import Surfels, Triangles
 from hierarchy.lod import Cut
@@ -109,7 +110,7 @@ class Stage:
         self.ctx, self.view, self.cut = ctx, view, cut
         renderer.set_hierarchy(hierarchy)
         self.cut_buffers = renderer._cut_buffers
-        self.cut_buffers.upload(cut, hierarchy.records_of(cut.splats), None, None)
+        self.cut_buffers.upload(cut, records_of(hierarchy, cut.splats), None, None)
         self.uniforms = pass_uniforms(cut, view, Settings(), self.cut_buffers, None)
 
     def corners(self, *, visibility: bool) -> tuple[np.ndarray, np.ndarray]:
