@@ -11,23 +11,20 @@ from hierarchy.prefetch import prefetch
 
 # Rows of which the next but so many is fetched from memory.
 AHEAD = 16
-# Rows of a part that one thread gathers: fewer are not worth waking another.
-PART = 4096
 
 
-@nb.njit(cache=True, nogil=True, parallel=True)
+# By one thread: a second one, which waits for more to do for a while, would take a core from a software renderer.
+@nb.njit(cache=True, nogil=True)
 def _gather(table, numbers, below, otherwise, repeats, rows):  # type: ignore[no-untyped-def]
     count = len(numbers)
-    parts = (count + PART - 1) // PART
-    for part in nb.prange(parts):
-        for k in range(part * PART, min(part * PART + PART, count)):
-            ahead = numbers[min(k + AHEAD, count - 1)]
-            if ahead < below:
-                prefetch(table, ahead)
-            number = numbers[k]
-            for copy in range(k * repeats, (k + 1) * repeats):
-                for word in range(table.shape[1]):
-                    rows[copy, word] = table[number, word] if number < below else otherwise[word]
+    for k in range(count):
+        ahead = numbers[min(k + AHEAD, count - 1)]
+        if ahead < below:
+            prefetch(table, ahead)
+        number = numbers[k]
+        for copy in range(k * repeats, (k + 1) * repeats):
+            for word in range(table.shape[1]):
+                rows[copy, word] = table[number, word] if number < below else otherwise[word]
 
 
 def gather_rows(
