@@ -132,7 +132,6 @@ class Renderer:
         with self._timers.stage("visibility"):
             # A software renderer erases while this core prepares what comes next.
             self._resolve.erase(targets)
-            targets.clear_depth()
             records, uniforms = self._upload(cut, view, settings)
             if settings.blending:
                 draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)

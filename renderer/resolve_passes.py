@@ -23,6 +23,8 @@ CRACK_REACH = 4.0
 # Depth in clip space of pixels that may lie in a crack: two steps of a 24-bit buffer before the far plane, where no
 # model reaches (clip_planes leaves a margin).
 MARKED = 1.0 - 4.0 / 2.0**24
+# The depth test that lets all pass, and writes.
+ALWAYS = "1"
 
 
 class PicturePass:
@@ -75,13 +77,17 @@ class Resolve:
         self._spans = ctx.buffer(reserve=8, dynamic=True)
 
     def erase(self, targets: Targets) -> None:
-        """Set all sums to zero, where they are not; `targets.drawn` is for who draws next to fill in."""
+        """Set all sums to zero and depths to the far plane, where they are not.
+
+        `targets.drawn` is for who draws next to fill in.
+        """
         if targets.drawn is None:
             targets.clear_sums()
+            targets.clear_depth()
         else:
-            targets.use_sums()
+            targets.attributes.use()
             uniforms: dict[str, object] = {"picture_size": targets.size, "strip": float(STRIP)}
-            self._pass("erase.frag", {"STRIPS"}).render(uniforms, strips=self._bring(targets.drawn))
+            self._pass("erase.frag", {"STRIPS"}).render(uniforms, ALWAYS, strips=self._bring(targets.drawn))
         targets.drawn = None
 
     def shade(

@@ -93,10 +93,6 @@ class Targets:
         self.visibility.depth_mask = True
         self.visibility.clear(depth=1.0)
 
-    def use_sums(self) -> None:
-        """Bind the sums alone, without the depth."""
-        self._sums_only.use()
-
     @property
     def nbytes(self) -> int:
         width, height = self.size
