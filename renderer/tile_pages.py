@@ -35,7 +35,10 @@ DEFAULT_BYTES = 1 << 27
 MISSING, NEEDLESS = NO_TILE, NO_TILE - 1
 NEVER = -1
 PAGE_ROWS = 32
+# Texels.
 OF_LAYER = LAYER_WIDTH * LAYER_HEIGHT
+# A million texels: growing from fewer took as long as bringing the first tiles.
+FIRST_LAYERS = 8
 
 Textures = tuple[moderngl.TextureArray, moderngl.TextureArray | None]
 
@@ -56,7 +59,7 @@ class TilePages:
         nodes : of the hierarchy
         colored : its tiles have colours
         most : tiles there is room for at most, where they all have w_s x w_s texels; None: for those of any cut
-        Raises GpuError where not even a layer fits, ValueError where a tile is wider than that.
+        Raises GpuError where there is no room for the first layers, ValueError where a tile is wider than that.
         """
         if texels > LAYER_WIDTH:
             raise ValueError(f"a tile has at most {LAYER_WIDTH} texels a side, not {texels}")
@@ -78,7 +81,7 @@ class TilePages:
         wanted = -(-(2 * nodes if most is None else most) // (self._of_layer * self._of_page))
         self._most_layers = max(1, min(wanted, budget // of_layer, limits.array_layers, MOST_LAYERS))
         self._ctx = ctx
-        self._held, self.normals, self.colors = self._textures(1)
+        self._held, self.normals, self.colors = self._textures(min(FIRST_LAYERS, self._most_layers))
         pages = self.normals.layers * self._of_layer
         # Side by side, since a frame asks for both: a place, and the four bytes of a spread.
         self._of_node = np.zeros((nodes, 2), np.int32)

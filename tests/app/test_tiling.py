@@ -130,7 +130,7 @@ def rough(monkeypatch):
 
 
 def limit_to_16_pages(renderer, **limits):
-    """Leave room for four layers of tiles, which of at most 32 x 32 texels are 16 pages of 32; return their bytes."""
+    """Leave room for four layers, of tiles of 32 x 32 texels 16 pages of 32; return the bytes of one layer."""
     limits = replace(renderer.limits, **limits)
     of_layer = LAYER_WIDTH * LAYER_HEIGHT * (2 if limits.fine_filter else 4)
     renderer.limits = replace(limits, tile_bytes=4 * of_layer)
@@ -238,7 +238,7 @@ def test_least_recently_drawn_pages_make_room(renderer, rough, fine_filter):
     of_layer = limit_to_16_pages(renderer, fine_filter=fine_filter)
     renderer.set_hierarchy(rough)
     pages, view = renderer.make_pages(32), view_of(rough)
-    assert pages.nbytes == of_layer
+    assert pages.nbytes == 4 * of_layer
     nodes = np.arange(rough.node_count, dtype=np.uint32)
     for first in range(0, 512, 32):
         missing, most = pages.begin(nodes[first : first + 32], view, rough)
