@@ -294,9 +294,7 @@ def _open_ready_to_select(
     Otherwise the window would wait for them, and for those that bake tiles besides: one thread compiles at a time.
     show : called with a coarse stand-in, ready as well, where there is one
     """
-    import numpy as np
-
-    from hierarchy.drawn_rows import gather_rows, records_of
+    from hierarchy.drawn_rows import records_of
     from hierarchy.lod import select_cut
     from hierarchy.spans import reached_spans
     from hierarchy.tile_sizes import texels_seen
@@ -307,8 +305,6 @@ def _open_ready_to_select(
         view = view_of_pose(frame_scene(scene, CameraOptions(), resolution), scene, resolution)
         cut = select_cut(hierarchy, view, 2.0, 16.0, two_sided=False)
         reached_spans(records_of(hierarchy, cut.splats), hierarchy.leaves, cut.indices, view, 0.0)
-        # Of an array that is not mapped, as the tiles' places are.
-        gather_rows(np.zeros((1, 2), np.int32), cut.splats[:0], (0, 0))
         texels_seen(hierarchy, view, cut.splats[:0], 1)
         return scene
 

@@ -1,4 +1,4 @@
-"""The hierarchy of surfels: flat arrays in breadth-first order that CPU and GPU index alike."""
+"""The hierarchy of surfels: flat arrays in breadth-first order."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ PIECE = 128
 
 @dataclass(frozen=True, eq=False)
 class NormalTiles:
-    """The tiles of all nodes, or of some, laid out as the GPU reads them.
+    """The tiles of all nodes, or of some, side by side in layers.
 
     texels : texels along one side of a tile (w_s)
     count : number of tiles

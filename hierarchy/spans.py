@@ -1,7 +1,7 @@
 """Where on screen a cut can be: the span of columns that it reaches in every strip of rows.
 
 Bounds, not exact: what is drawn of a splat lies in the sphere around its disc, and of a triangle in the box of its
-corners. Passes over the picture that look for something beside what is drawn need not look elsewhere.
+corners. Passes over the picture need not look elsewhere.
 """
 
 from __future__ import annotations

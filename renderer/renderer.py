@@ -72,7 +72,9 @@ class Renderer:
     def make_pages(self, texels: int) -> TilePages:
         """Make room for tiles of the hierarchy that are baked one after the other; the caller's until `set_tiles`.
 
-        Raises RuntimeError where no hierarchy was set, GpuError where there is no memory.
+        texels : w_s, LAYER_WIDTH (tile_places.py) at most
+
+        Raises RuntimeError where no hierarchy was set, GpuError where there is no memory, ValueError for a larger w_s.
         """
         return self._make_pages(texels)
 
@@ -85,7 +87,8 @@ class Renderer:
     def set_tiles(self, tiles: NormalTiles | TilePages | None) -> None:
         """Draw with the tiles of pages from now on, or with tiles that all have one size; None: there are none yet.
 
-        Raises GpuError where they do not fit; the last ones are then still there.
+        Raises GpuError where they do not fit, ValueError where they are wider than LAYER_WIDTH (tile_places.py); the
+        last ones are then still there.
         """
         pages = self._pages_of(tiles) if isinstance(tiles, NormalTiles) else tiles
         if self._tiles is not None and self._tiles is not pages:

@@ -68,11 +68,12 @@ class Targets:
             self.attributes = held.add(ctx.framebuffer(sums, self.visible_depth))
             color_texture = held.add(ctx.texture(size, 4))
             self.picture = held.add(ctx.framebuffer([color_texture], self.visible_depth))
-            # The same without the depth buffer: to clear the sums and keep it, and to copy the picture into
-            # framebuffers whose depth has another format, which OpenGL refuses to copy.
+            # Without the depth buffer, to clear the sums alone.
             self._sums_only = held.add(ctx.framebuffer(sums))
-            # Where sums may be anything but zero, as in `reached_spans`; None: anywhere.
+            # Where sums may be anything but zero and depths nearer than the far plane, as in `reached_spans`; None:
+            # anywhere.
             self.drawn: Float32Array | None = None
+            # To copy the picture into framebuffers whose depth has another format, which OpenGL refuses to copy.
             self.picture_only = held.add(ctx.framebuffer([color_texture]))
             # What is seen where nothing is drawn, and its two colours, None: not drawn yet. It does not depend on the
             # camera: copying it takes a twentieth of the time of drawing it.

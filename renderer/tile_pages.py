@@ -34,7 +34,8 @@ DEFAULT_BYTES = 1 << 27
 # What a node has in place of a tile's place: one that was not baked, and one that needs no tile.
 MISSING, NEEDLESS = NO_TILE, NO_TILE - 1
 NEVER = -1
-PAGE_ROWS = 32
+# So few that a single layer has a page for each size, and some to spare.
+PAGE_ROWS = 8
 # Texels.
 OF_LAYER = LAYER_WIDTH * LAYER_HEIGHT
 # A million texels: growing from fewer took as long as bringing the first tiles.

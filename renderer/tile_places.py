@@ -16,7 +16,7 @@ NO_TILE = -1
 # software renderer took 1.06 times as long.
 LAYER_WIDTH = 32
 LAYER_HEIGHT = 4096
-# A million tiles of 16 x 16.
+# A million tiles of 16 x 16; a graphics card may have fewer layers, llvmpipe has 512.
 MOST_LAYERS = 2048
 # Of what lies above the place of x.
 _ROW, _LAYER, _POWER = 5, 17, 28

@@ -1,4 +1,5 @@
-// Role: set the sums of a pixel to zero. In: nothing. Out: zeros, for as many sums as there are.
+// Role: set the sums of a pixel to zero, and its depth to that of the strips, the far plane. In: nothing. Out: zeros, for
+//       as many sums as there are.
 // Source: none; a model that fills a third of the picture takes a third of what clearing all of it does.
 layout(location = 0) out vec4 out_first;
 layout(location = 1) out vec4 out_second;

@@ -130,10 +130,10 @@ def rough(monkeypatch):
 
 
 def limit_to_16_pages(renderer, **limits):
-    """Leave room for four layers, of tiles of 32 x 32 texels 16 pages of 32; return the bytes of one layer."""
+    """Leave room for one layer of tiles, of 32 x 32 texels 16 pages of 8; return its bytes."""
     limits = replace(renderer.limits, **limits)
     of_layer = LAYER_WIDTH * LAYER_HEIGHT * (2 if limits.fine_filter else 4)
-    renderer.limits = replace(limits, tile_bytes=4 * of_layer)
+    renderer.limits = replace(limits, tile_bytes=of_layer)
     return of_layer
 
 
@@ -145,14 +145,14 @@ def test_pages_of_what_is_not_drawn_any_more_make_room(renderer, rough, monkeypa
     clear = TilePages.clear
     monkeypatch.setattr(TilePages, "clear", lambda pages: (cleared.append(True), clear(pages)))
     tiling, whole = Tiling(renderer, lambda: None), cut_of(rough)
-    nodes = np.arange(1, 1025, dtype=np.uint32)
-    # 16 pages of 32 tiles.
-    for first in range(0, 384, 32):
-        wait_for_all(tiling, rough, 32, replace(whole, splats=nodes[first : first + 32], silhouette_splats=0))
-    kept = nodes[:384:32]
+    nodes = np.arange(1, 257, dtype=np.uint32)
+    # 16 pages of 8 tiles.
+    for first in range(0, 96, 8):
+        wait_for_all(tiling, rough, 32, replace(whole, splats=nodes[first : first + 8], silhouette_splats=0))
+    kept = nodes[:96:8]
     wait_for_all(tiling, rough, 32, replace(whole, splats=kept, silhouette_splats=0))
     assert not cleared
-    cut = replace(whole, splats=np.concatenate([kept, nodes[512:800]]), silhouette_splats=0)
+    cut = replace(whole, splats=np.concatenate([kept, nodes[128:200]]), silhouette_splats=0)
     wait_for_all(tiling, rough, 32, cut)
     assert cleared
     assert tiling._shown.pages.untiled == 0
@@ -170,9 +170,9 @@ def test_cut_larger_than_the_memory_gets_tiles_for_its_largest_splats(renderer, 
         pages = tiling._shown.pages
         nodes = np.sort(cut.splats[cut.splats < rough.node_count])
         with_tiles = cut.splats[pages.places_of(cut.splats)[:, 0] != MISSING]
-        # Of 16 pages of 32 tiles four may be almost empty; a few tiles turn out to be smaller.
+        # Of 16 pages of 8 tiles four may be almost empty; a few tiles turn out to be smaller.
         room = len(nodes) - pages.untiled
-        assert room == len(nodes) or 384 <= room < 512
+        assert room == len(nodes) or 96 <= room < 128
         assert np.array_equal(np.sort(with_tiles), nodes[:room])
     # Not all are there, nor will they be.
     assert tiling.texels == 0
@@ -180,13 +180,27 @@ def test_cut_larger_than_the_memory_gets_tiles_for_its_largest_splats(renderer, 
 
 
 def test_small_tiles_take_little_room(renderer, hierarchy):
-    """Two thousand tiles of up to 32 x 32 texels do not fit into 16 pages; those that they are fitted by do."""
+    """A thousand tiles of up to 32 x 32 texels do not fit into 16 pages; those that they are fitted by do."""
     limit_to_16_pages(renderer)
     tiling, cut = Tiling(renderer, lambda: None), cut_of(hierarchy)
     assert np.count_nonzero(cut.splats < hierarchy.node_count) > 512
     wait_for_all(tiling, hierarchy, 32, cut)
     assert tiling.texels == 32
     assert tiling._shown.pages.untiled == 0
+    tiling.close()
+
+
+@pytest.mark.parametrize("texels", [2, 4, 8, 16, 32])
+def test_small_models_get_all_their_tiles(renderer, texels):
+    """There is room for each size, however few tiles there are."""
+    small = build_hierarchy(make_meteoroid(200))
+    assert small.node_count < 100
+    renderer.set_hierarchy(small)
+    tiling = Tiling(renderer, lambda: None)
+    cut = replace(cut_of(small), splats=np.arange(small.node_count, dtype=np.uint32))
+    wait_for_all(tiling, small, texels, cut)
+    assert tiling._shown.pages.untiled == 0
+    assert tiling.texels == texels
     tiling.close()
 
 
@@ -238,44 +252,45 @@ def test_least_recently_drawn_pages_make_room(renderer, rough, fine_filter):
     of_layer = limit_to_16_pages(renderer, fine_filter=fine_filter)
     renderer.set_hierarchy(rough)
     pages, view = renderer.make_pages(32), view_of(rough)
-    assert pages.nbytes == 4 * of_layer
+    assert pages.nbytes == of_layer
     nodes = np.arange(rough.node_count, dtype=np.uint32)
-    for first in range(0, 512, 32):
-        missing, most = pages.begin(nodes[first : first + 32], view, rough)
+    for first in range(0, 128, 8):
+        missing, most = pages.begin(nodes[first : first + 8], view, rough)
         assert (most == 32).all()
         assert pages.add(tiles_of_one_size(missing, 32))
-    assert len(missing_of(pages, nodes[:512])) == 0
+    assert len(missing_of(pages, nodes[:128])) == 0
     # The oldest page goes; what is drawn stays even if there is no other.
-    pages.begin(nodes[480:512], view, rough)
-    assert pages.add(tiles_of_one_size(nodes[512:544], 32))
-    assert missing_of(pages, nodes[:64]).tolist() == list(range(32))
-    assert len(missing_of(pages, nodes[64:384])) == 0
-    pages.begin(nodes[32:352], view, rough)
-    for first in range(544, 736, 32):
-        assert pages.add(tiles_of_one_size(nodes[first : first + 32], 32))
-    assert len(missing_of(pages, nodes[32:352])) == 0
-    assert not pages.add(tiles_of_one_size(nodes[736:768], 32))
-    assert len(missing_of(pages, nodes[736:768])) == 32
+    pages.begin(nodes[120:128], view, rough)
+    assert pages.add(tiles_of_one_size(nodes[128:136], 32))
+    assert missing_of(pages, nodes[:16]).tolist() == list(range(8))
+    assert len(missing_of(pages, nodes[16:96])) == 0
+    pages.begin(nodes[8:88], view, rough)
+    for first in range(136, 184, 8):
+        assert pages.add(tiles_of_one_size(nodes[first : first + 8], 32))
+    assert len(missing_of(pages, nodes[8:88])) == 0
+    assert not pages.add(tiles_of_one_size(nodes[184:192], 32))
+    assert len(missing_of(pages, nodes[184:192])) == 8
     # What is baked twice moves, and is not lost with the page where it was.
     pages.clear()
-    pages.begin(nodes[:32], view, rough)
-    assert pages.add(tiles_of_one_size(nodes[:32], 32))
-    assert pages.add(tiles_of_one_size(nodes[:32], 32))
-    pages.begin(nodes[:32], view, rough)
-    for first in range(32, 512, 32):
-        assert pages.add(tiles_of_one_size(nodes[first : first + 32], 32))
-    assert len(missing_of(pages, nodes[:32])) == 0
+    pages.begin(nodes[:8], view, rough)
+    assert pages.add(tiles_of_one_size(nodes[:8], 32))
+    assert pages.add(tiles_of_one_size(nodes[:8], 32))
+    pages.begin(nodes[:8], view, rough)
+    for first in range(8, 128, 8):
+        assert pages.add(tiles_of_one_size(nodes[first : first + 8], 32))
+    assert len(missing_of(pages, nodes[:8])) == 0
     pages.release()
 
 
-def test_tiles_of_all_sizes_lie_where_they_are_looked_up(renderer, hierarchy):
+@pytest.mark.parametrize("sizes", [(2, 4, 8, 16), (2, 4, 8, 12), (2, 4, 8, 16, 32)], ids=str)
+def test_tiles_of_all_sizes_lie_where_they_are_looked_up(renderer, hierarchy, sizes):
     """Batches that end in the midst of rows and pages, of every size, and tiles that come again larger."""
-    pages, view = renderer.make_pages(16), view_of(hierarchy)
+    pages, view = renderer.make_pages(sizes[-1]), view_of(hierarchy)
     nodes = np.arange(hierarchy.node_count, dtype=np.uint32)
     rng = np.random.default_rng(7)
     side_of = np.zeros(len(nodes), int)
     for _ in range(60):
-        side = int(rng.choice([2, 4, 8, 16]))
+        side = int(rng.choice(sizes))
         some = np.sort(rng.choice(nodes, int(rng.integers(1, 700)), replace=False))
         some = some[side_of[some] < side]
         pages.begin(some, view, hierarchy)
@@ -284,7 +299,7 @@ def test_tiles_of_all_sizes_lie_where_they_are_looked_up(renderer, hierarchy):
     there = nodes[side_of > 0]
     assert len(missing_of(pages, there)) == 0
     power = pages.places_of(there)[:, 0] >> 28
-    np.testing.assert_array_equal(np.where(power > 0, 1 << power, 16), side_of[there])
+    np.testing.assert_array_equal(np.where(power > 0, 1 << power, sizes[-1]), side_of[there])
     for found in texels_at(pages, there):
         np.testing.assert_array_equal(found, there % 251)
     pages.release()
