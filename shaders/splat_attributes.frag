@@ -50,9 +50,7 @@ void main()
     if (v_tile.z >= 0.0) {
         vec3 at = vec3(v_tile.xy + v_reach * point.at, v_tile.z);
         vec3 local = decode_hemisphere(v_spread.xy + v_spread.zw * texture(tile_normals, at).rg);
-        // Its direction is exact, and its length but a part of its weight.
-        local *= inverse_length(local);
-        normal = local.x * v_o1 + local.y * v_o2 + local.z * v_normal;
+        normal = normalize(local.x * v_o1 + local.y * v_o2 + local.z * v_normal);
 #ifdef COLOR
         // Alpha 0: the texel's line hit nothing.
         vec4 texel = texture(tile_colors, at);

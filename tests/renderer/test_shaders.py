@@ -198,16 +198,6 @@ def test_a_normal_comes_back_from_its_code_on_the_gpu(ctx: moderngl.Context) -> 
     assert degrees.max() < 0.56  # two bytes: 0.55 degrees at worst
 
 
-def test_the_length_of_a_decoded_normal_is_known_without_a_root(ctx: moderngl.Context) -> None:
-    grid = np.stack(np.meshgrid(np.linspace(0.0, 1.0, 256), np.linspace(0.0, 1.0, 256)), axis=-1).astype(np.float32)
-    texture = ctx.texture((256, 256), 2, grid, dtype="f4")
-    body = "vec3 n = decode_hemisphere(value.rg); first = vec4(n * inverse_length(n), 0.0); second = vec4(0.0);"
-    about_unit = evaluate(ctx, ["hemisphere.glsl"], body, texture)[0][..., :3]
-    texture.release()
-    # Byte 0 lies a little outside of the octahedron.
-    assert np.abs(np.linalg.norm(about_unit, axis=-1) - 1.0).max() < 0.02
-
-
 def test_the_splat_record_is_the_same_in_python_and_glsl() -> None:
     source = shader_source("include/splat_record.glsl")
     struct = re.search(r"struct Splat \{(.*?)\};", source, re.DOTALL)
