@@ -40,8 +40,7 @@ class InstrumentedRenderer(Renderer):
         variant = self._variant(settings, view, depth=False, tint=False)
         targets = self._targets_for(view, variant)
         self._enter()
-        targets.clear_sums()
-        targets.clear_depth()
+        targets.clear()
         _, uniforms = self._upload(cut, view, settings)
         if settings.blending:
             draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)

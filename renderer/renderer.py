@@ -163,8 +163,7 @@ class Renderer:
         variant = self._variant(settings, view, depth=True, tint=False)
         try:
             self._enter()
-            targets.clear_sums()
-            targets.clear_depth()
+            targets.clear()
             _, uniforms = self._upload(cut, view, settings)
             if settings.blending:
                 draw_visibility(self._ctx, targets, self._pass("visibility", variant, targets), cut, uniforms)

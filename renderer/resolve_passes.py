@@ -82,8 +82,7 @@ class Resolve:
         `targets.drawn` is for who draws next to fill in.
         """
         if targets.drawn is None:
-            targets.clear_sums()
-            targets.clear_depth()
+            targets.clear()
         else:
             targets.attributes.use()
             uniforms: dict[str, object] = {"picture_size": targets.size, "strip": float(STRIP)}

@@ -68,8 +68,6 @@ class Targets:
             self.attributes = held.add(ctx.framebuffer(sums, self.visible_depth))
             color_texture = held.add(ctx.texture(size, 4))
             self.picture = held.add(ctx.framebuffer([color_texture], self.visible_depth))
-            # Without the depth buffer, to clear the sums alone.
-            self._sums_only = held.add(ctx.framebuffer(sums))
             # Where sums may be anything but zero and depths nearer than the far plane, as in `reached_spans`; None:
             # anywhere.
             self.drawn: Float32Array | None = None
@@ -84,15 +82,11 @@ class Targets:
         """Return the colour attachment of a sum."""
         return list(self.sums).index(name)
 
-    def clear_sums(self) -> None:
-        """Set every sum to zero."""
-        self._sums_only.clear()
-
-    def clear_depth(self) -> None:
-        """Set the depth buffer to the far plane."""
-        self.visibility.use()
-        self.visibility.depth_mask = True
-        self.visibility.clear(depth=1.0)
+    def clear(self) -> None:
+        """Set every sum to zero and every depth to the far plane."""
+        self.attributes.use()
+        self.attributes.depth_mask = True
+        self.attributes.clear(depth=1.0)
 
     @property
     def nbytes(self) -> int:

@@ -12,7 +12,6 @@ from hierarchy.meteoroid import make_meteoroid
 def test_rows_are_gathered_in_order(count, repeats, below):
     rng = np.random.default_rng(count)
     table = rng.integers(-1000, 1000, (100, 3), np.int32)
-    table.flags.writeable = False
     # Beyond the table lie those that have no row.
     numbers = rng.integers(0, 200, count).astype(np.uint32)
     found = gather_rows(table, numbers, (-1, 7, 0), below=below, repeats=repeats)
