@@ -65,19 +65,24 @@ def _disc(node, shapes, vertices, centres, begin, end, axes, sums, results, work
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _discs(shapes, vertices, centres, areas, octree, axes, sums, results):  # type: ignore[no-untyped-def]
+def _discs(shapes, vertices, centres, areas, octree, axes, sums, results, threads):  # type: ignore[no-untyped-def]
     begin, end = octree[2], octree[3]
     nodes = len(begin)
     write_plane_sums(shapes[3], centres, areas, octree, sums)
     corners = 3 if len(shapes[1]) > 0 else SURFEL_CORNERS
     blocks = block_count(nodes)
-    for hand in nb.prange(len(DEALT)):
-        most = corners * most_leaves(hand, begin, end)
+    for thread in nb.prange(threads):
+        first, last = thread * len(DEALT) // threads, (thread + 1) * len(DEALT) // threads
+        most = 0
+        for hand in range(first, last):
+            most = max(most, corners * most_leaves(hand, begin, end))
+        # Once for all hands of a thread: the system clears what is made anew.
         points, older = np.empty((3, most)), np.empty(most + 1, np.int32)
         work = (points, np.empty(3), np.empty((4, 2)), np.empty((TURNS, 4)), older)
-        for block in range(DEALT[hand], blocks, len(DEALT)):
-            for node in range(*nodes_of(block, nodes)):
-                _disc(node, shapes, vertices, centres, begin[node], end[node], axes, sums, results, work)
+        for hand in range(first, last):
+            for block in range(DEALT[hand], blocks, len(DEALT)):
+                for node in range(*nodes_of(block, nodes)):
+                    _disc(node, shapes, vertices, centres, begin[node], end[node], axes, sums, results, work)
 
 
 def node_discs(
@@ -98,5 +103,6 @@ def node_discs(
     centres, normals, sizes, boxes = (np.empty((nodes, columns), np.float32) for columns in (3, 3, 3, 4))
     arrays, vertices = (s.positions, s.indices, s.radii, s.normals), vertex_uses(s.indices, len(s.positions))
     results = (centres, normals, sizes, boxes)
-    _discs(arrays, vertices, s.centres, s.areas, topology, axes, sums, results)
+    threads = min(nb.get_num_threads(), len(DEALT))
+    _discs(arrays, vertices, s.centres, s.areas, topology, axes, sums, results, threads)
     return results

@@ -22,12 +22,12 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
-from hierarchy.cones import EVERYTHING, sine_of, widened_cosine
+from hierarchy.cones import EVERYTHING
 from hierarchy.joined_cones import angle_between, cap_holds, join_cone, join_farthest_first
 from hierarchy.leaves import LeafShapes
 from hierarchy.model import Float32Array
 from hierarchy.near_nodes import LONGEST, hand_down, note_hanging_leaves, reaches, write_boxes_of_discs
-from hierarchy.patches import DEEPEST, FEW, SIZES, TOO_MANY, gather, measure_patch, patch_room
+from hierarchy.patches import DEEPEST, FEW, SIZES, TOO_MANY, gather, measure_patch, patch_room, write_footprint
 from hierarchy.under_discs import BORDER, FAR_SIDE, REACH, RIM_POINTS, approach_rim, leaf_is_under, write_rim
 
 # Nodes and leaves that are not the node's own and are looked at for its footprint before subtrees are taken for what
@@ -255,14 +255,13 @@ def _room():  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True)
-def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most, caps, reliefs):  # type: ignore[no-untyped-def]
+def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most):  # type: ignore[no-untyped-def]
     """Measure the footprints of a node and of all below it, down to what has at most `most` leaves, which is left out.
 
     families : what `hand_down` needs to know of all nodes; near_root : int32, what is near the root's disc
-    caps, reliefs : float64 (M, 4) and float32 (M,), written to
     Returns the nodes that are left out, each with what is near it.
     """
-    work, room = _room(), patch_room()
+    work, room, cap = _room(), patch_room(), np.empty(4)
     # Lists of the nodes on the stack, one after the other.
     pool = np.empty((DEEPEST, LONGEST), np.int32)
     counts = np.empty(DEEPEST, np.int32)
@@ -288,13 +287,13 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
         if leaves <= size:
             gathered = gather(nodes, node, shapes, families[1][node], entries, count, work[0], room)
             if gathered != TOO_MANY:
-                measure_patch(nodes, node, discs, shapes, families[1], closed, gathered, room, caps, reliefs)
+                measure_patch(nodes, node, discs, shapes, families[1], closed, gathered, room, cap)
                 continue
             # Much smaller subtrees may have fewer leaves around.
             size = leaves // 4
         visits = MOST_VISITS_CROWDED if leaves <= CROWDED else MOST_VISITS
-        reliefs[node] = _footprint(nodes, node, discs, shapes, closed, entries, count, visits, work, caps[node])
-        caps[node, 3] = widened_cosine(caps[node, 3])
+        relief = _footprint(nodes, node, discs, shapes, closed, entries, count, visits, work, cap)
+        write_footprint(me, cap, relief)
         for child in range(me["first_child"], me["first_child"] + me["child_count"]):
             counts[top] = hand_down(nodes, families, shapes, node, child, entries, count, pool[top])
             stack[top], sizes[top] = child, size
@@ -303,20 +302,15 @@ def _measure_below(nodes, families, root, near_root, discs, shapes, closed, most
 
 
 @nb.njit(cache=True, nogil=True, parallel=True)
-def _measure(nodes, discs, shapes, closed, families, caps, reliefs):  # type: ignore[no-untyped-def]
+def _measure(nodes, discs, shapes, closed, families):  # type: ignore[no-untyped-def]
     note_hanging_leaves(nodes, families[0])
     write_boxes_of_discs(nodes, families[1])
     nothing = np.empty(0, np.int32)
     most = nodes[0]["leaf_end"] // SUBTREES
-    subtrees = _measure_below(nodes, families, 0, nothing, discs, shapes, closed, most, caps, reliefs)
+    subtrees = _measure_below(nodes, families, 0, nothing, discs, shapes, closed, most)
     for k in nb.prange(len(subtrees)):
         root, near_root = subtrees[k]
-        _measure_below(nodes, families, root, near_root, discs, shapes, closed, 0, caps, reliefs)
-    for k in nb.prange(len(nodes)):
-        node, cap = nodes[k], caps[k]
-        node["print_x"], node["print_y"], node["print_z"] = cap[0], cap[1], cap[2]
-        node["print_cos"], node["print_sin"] = cap[3], sine_of(np.float32(cap[3]))
-        node["relief"] = reliefs[k]
+        _measure_below(nodes, families, root, near_root, discs, shapes, closed, 0)
 
 
 def measure_footprints(
@@ -334,6 +328,5 @@ def measure_footprints(
     """
     s = shapes
     arrays = (s.positions, s.indices, s.normals, s.centres, s.extents)
-    caps, reliefs = np.empty((len(nodes), 4)), np.empty(len(nodes), np.float32)
     families = np.empty(len(nodes), np.bool_), np.empty((len(nodes), 6), np.float32)
-    _measure(nodes, (disc_normals, np.ascontiguousarray(thickness)), arrays, closed, families, caps, reliefs)
+    _measure(nodes, (disc_normals, np.ascontiguousarray(thickness)), arrays, closed, families)

@@ -162,13 +162,13 @@ def triangle_shapes(positions: Float32Array, faces: Int32Array) -> LeafShapes:
 
 
 @nb.njit(cache=True, nogil=True)
-def _number_by_first_use(indices, vertex_count):  # type: ignore[no-untyped-def]
-    """Number the vertices in the order in which triangles (N, 3) first use them; return which had the numbers before.
+def _number_by_first_use(indices, new_from_old, old_from_new):  # type: ignore[no-untyped-def]
+    """Number the vertices in the order in which triangles first use them; return how many are used.
 
     indices : int32 (N, 3), changed in place
+    new_from_old : int32 (V,), -1 throughout, to work in
+    old_from_new : int32 (V,), receives which had the numbers before
     """
-    new_from_old = np.full(vertex_count, -1, np.int32)
-    old_from_new = np.empty(vertex_count, np.int32)
     used = 0
     for i in range(len(indices)):
         for k in range(3):
@@ -178,7 +178,7 @@ def _number_by_first_use(indices, vertex_count):  # type: ignore[no-untyped-def]
                 old_from_new[used] = v
                 used += 1
             indices[i, k] = new_from_old[v]
-    return old_from_new[:used].copy()
+    return used
 
 
 def _rows(array: AnyArray, which: Int32Array) -> AnyArray:
@@ -199,7 +199,8 @@ def leaf_order(model: Model) -> tuple[Int32Array, UInt16Array]:
 def triangles_in_order(mesh: Mesh, order: Int32Array) -> tuple[Triangles, LeafShapes]:
     """Put a mesh's triangles into an order; return them and their shapes."""
     indices = _rows(mesh.faces, order)
-    old_from_new = _number_by_first_use(indices, len(mesh.positions))
+    old_from_new = np.empty(len(mesh.positions), np.int32)
+    old_from_new = old_from_new[: _number_by_first_use(indices, np.full_like(old_from_new, -1), old_from_new)]
     triangles = Triangles(
         _rows(mesh.positions, old_from_new),
         _rows(mesh.normals, old_from_new),

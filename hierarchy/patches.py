@@ -15,7 +15,7 @@ import numba as nb
 import numpy as np
 
 from hierarchy.borrowing import BORROWING
-from hierarchy.cones import EVERYTHING, widened_cosine
+from hierarchy.cones import EVERYTHING, sine_of, widened_cosine
 from hierarchy.extremes import NEVER_NAN, larger
 from hierarchy.joined_cones import join_farthest_first
 from hierarchy.near_nodes import meets
@@ -274,11 +274,20 @@ def _footprint(nodes, node, discs, shapes, closed, level, count, room, cap):  # 
 
 
 @nb.njit(**BORROWING)
-def measure_patch(nodes, root, discs, shapes, boxes, closed, count, room, caps, reliefs):  # type: ignore[no-untyped-def]
+def write_footprint(node, cap, relief):  # type: ignore[no-untyped-def]
+    """Write cone and relief of a footprint to its node; cap : axis and cosine, float64 (4,)."""
+    cosine = np.float32(widened_cosine(cap[3]))
+    node["print_x"], node["print_y"], node["print_z"] = cap[0], cap[1], cap[2]
+    node["print_cos"], node["print_sin"] = cosine, sine_of(cosine)
+    node["relief"] = relief
+
+
+@nb.njit(**BORROWING)
+def measure_patch(nodes, root, discs, shapes, boxes, closed, count, room, cap):  # type: ignore[no-untyped-def]
     """Measure the footprints of a small subtree, after `gather` has returned `count` for it.
 
     discs : normals and thicknesses of all discs; boxes : around the discs of each node and all below it
-    caps, reliefs : float64 (M, 4) and float32 (M,), written to
+    cap : float64 (4,), to work in
     """
     stack, levels, counts = room[7]
     stack[0], levels[0], counts[0] = root, 0, count
@@ -289,8 +298,7 @@ def measure_patch(nodes, root, discs, shapes, boxes, closed, count, room, caps, 
         if level + 1 < len(SIZES) and nodes[node]["leaf_end"] - nodes[node]["leaf_begin"] <= SIZES[level + 1]:
             count = _narrow(level, count, boxes[node], len(shapes[1]) > 0, room)
             level += 1
-        reliefs[node] = _footprint(nodes, node, discs, shapes, closed, level, count, room, caps[node])
-        caps[node, 3] = widened_cosine(caps[node, 3])
+        write_footprint(nodes[node], cap, _footprint(nodes, node, discs, shapes, closed, level, count, room, cap))
         for child in range(nodes[node]["first_child"], nodes[node]["first_child"] + nodes[node]["child_count"]):
             stack[top], levels[top], counts[top] = child, level, count
             top += 1

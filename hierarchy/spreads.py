@@ -70,7 +70,7 @@ def _own_spreads(normals, indices, areas, octree, sums, total, squares, hanging)
     """Write every node's area, that times its normals' mean square angle to their mean, and `_add_leaf`'s last sum.
 
     octree : first_child, child_count, leaf_begin and leaf_end
-    sums : float64 (M, 5 or more), to work in
+    sums : float64 (M, 5), to work in
     total, squares, hanging : float64 (M,), written to; the last is over the leaves that hang on the node
     """
     ends = generations(octree[0], octree[1])
@@ -112,7 +112,7 @@ def _store(areas, squares, out):  # type: ignore[no-untyped-def]
 def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes, sums: Float64Array) -> UInt16Array:
     """Measure the spread of the normals below every node.
 
-    sums : float64 (M, 5 or more), to work in
+    sums : float64 (M, 7 or more), to work in
     Returns uint16 (M, SCALES), in units of UNIT radians: root mean square, by area, of the angle between the surface's
     normals and the mean normal of the patch that they lie in, for patches of 2^-k of the node's radius.
     """
@@ -120,8 +120,10 @@ def normal_spreads(octree: Octree, leaves: Leaves, shapes: LeafShapes, sums: Flo
     topology = first_child, child_count, octree.leaf_begin, octree.leaf_end
     normals = leaves.normals if isinstance(leaves, Triangles) else shapes.normals
     nodes = len(first_child)
-    areas, squares, hanging, below = (np.empty(nodes) for _ in range(4))
-    _own_spreads(normals, shapes.indices, shapes.areas, topology, sums, areas, squares, hanging)
+    # All but one of the arrays of a number for each node lie in the same memory: the system clears what is made anew.
+    room = sums.ravel()[: 7 * nodes].reshape(7, nodes)
+    rows, areas, squares, below, hanging = room[:5].reshape(nodes, 5), room[5], room[6], room[0], np.empty(nodes)
+    _own_spreads(normals, shapes.indices, shapes.areas, topology, rows, areas, squares, hanging)
     spreads = np.empty((nodes, SCALES), np.uint16)
     # Half the size has half the angle, so every level halves its square.
     share = 1.0
