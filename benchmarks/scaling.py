@@ -9,9 +9,11 @@ An entry of a run file's "scaling":
               "frame_over_triangles", "frame_over_yardstick", "splats", "triangles", "silhouette", "visited_nodes",
               "bake_s", "tile_bytes", "gpu_bytes", "triangles_gpu_bytes", "peak_memory_mb"},
      "error": as of a record, against the mesh of that size,
-     "moving": {"cost": {"frame_ms", "frame_over_triangles"}, "error"}}
+     "moving": {"r_inner", "cost": {"frame_ms", "frame_over_triangles"}, "error"},
+     "coarser": the same}
 
-Tiles are those of the view's cut. "moving" is the same without blending, as the window draws a mesh that moves.
+Tiles are those of the view's cut. "moving" is the same without blending, as the window draws a mesh that moves;
+"coarser" is blended, at a larger r_inner. Runs before these were measured lack them.
 """
 
 from __future__ import annotations

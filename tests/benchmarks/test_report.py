@@ -120,6 +120,17 @@ def test_targets_are_met_or_missed_by_the_figures():
     rows = [row for row in rows_of(targets(worse)) if "growing" in row[0]]
     assert [("moves" in row[0], row[3]) for row in rows] == [(False, "missed"), (True, "met")]
     assert "0.019 at 0.70 degrees (2.24) and 0.24 px" in rows[1][2]
+    # At rest the fastest setting counts that is good enough.
+    worse.scaling[-1]["coarser"] = {
+        "r_inner": 32.0, "cost": {"frame_over_triangles": 0.018}, "error": synthetic_error(0.7, 0.24),
+    }  # fmt: skip
+    rest, moving = [row for row in rows_of(targets(worse)) if "growing" in row[0]]
+    assert (rest[3], moving[3]) == ("met", "met")
+    assert "0.018 at 0.70 degrees" in rest[2]
+    assert "r_inner 32" in rest[2]
+    assert "r_inner 32" not in moving[2]
+    worse.scaling[-1]["coarser"]["error"] = synthetic_error(0.9, 0.24)
+    assert "r_inner 32" not in rows_of(targets(worse))[-2][2]
     # As fast, but not at the same error.
     worse = synthetic_run()
     worse.scaling[-1]["error"]["silhouette"]["mean"] = 0.26

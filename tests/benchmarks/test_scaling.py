@@ -126,10 +126,12 @@ def test_a_small_size_is_measured_as_a_whole(monkeypatch):
         assert 0.0 < cost[name]["min"] <= cost[name]["median"]
     assert cost["frame_over_triangles"] > 0.0
     assert cost["frame_over_yardstick"] > 0.0
-    moving = entry["moving"]
-    assert moving["cost"]["frame_over_triangles"] > 0.0
-    assert 0.0 < moving["error"]["normal_degrees"]["mean"] < 10.0
-    assert moving["error"] != entry["error"]
+    for other in (entry["moving"], entry["coarser"]):
+        assert other["cost"]["frame_over_triangles"] > 0.0
+        assert 0.0 < other["error"]["normal_degrees"]["mean"] < 10.0
+    # A surface of 1,000 triangles has nothing coarser.
+    assert entry["moving"]["error"] != entry["error"]
+    assert entry["moving"]["r_inner"] == entry["r_inner"] < entry["coarser"]["r_inner"]
     assert 0.0 < entry["error"]["normal_degrees"]["mean"] < 10.0
     assert math.isfinite(entry["error"]["silhouette"]["mean"])
     assert entry["build_peak_mb"] <= cost["peak_memory_mb"]
