@@ -60,6 +60,8 @@ def build_hierarchy(
     openings = _openings(model, leaves, shapes)
     progress("Assembling", 0.95)
     radius, half_extents = extents_of(leaves)
+    colors = splat_colors(octree, shapes, leaves)
+    del shapes
     splats = splat_rows(centres, normals, sizes, boxes, leaves)
     return Hierarchy(
         name=model.name,
@@ -67,7 +69,7 @@ def build_hierarchy(
         nodes=nodes,
         splats=splats,
         spreads=spreads,
-        colors=splat_colors(octree, shapes, leaves),
+        colors=colors,
         leaves=leaves,
         closed=closed,
         radius=radius,
