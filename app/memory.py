@@ -16,7 +16,7 @@ def peak_memory_mb() -> float | None:
         return None
     # On Linux getrusage also counts what the process that started this one had by then.
     with suppress(OSError):
-        if peak := re.search(r"^VmHWM:\s*(\d+) kB$", STATUS.read_text(), re.MULTILINE):
+        if peak := re.search(rb"^VmHWM:\s*(\d+) kB$", STATUS.read_bytes(), re.MULTILINE):
             return 1024 * int(peak[1]) / 1e6
     import resource
 

@@ -12,8 +12,8 @@ An entry of a run file's "scaling":
      "moving": {"r_inner", "cost": {"frame_ms", "frame_over_triangles"}, "error"},
      "coarser": the same}
 
-Tiles are those of the view's cut. "moving" is the same without blending, as the window draws a mesh that moves;
-"coarser" is blended, at a larger r_inner. Runs before these were measured lack them.
+Tiles are those of the view's cut at r_inner. "moving" is the same without blending, as the window draws a mesh that
+moves; "coarser" is blended, at a larger r_inner. Runs before these were measured lack them, or moving's r_inner.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from synthetic_run import synthetic_size
 from benchmarks import scaling
 from benchmarks.scaling import ScalingError, growth, measure_apart, missing_sizes, overtaking
 from benchmarks.surface import make_surface, surface_view
+from hierarchy import lod
 from hierarchy.model import in_file_space
 
 
@@ -113,6 +114,13 @@ def test_a_small_size_is_measured_as_a_whole(monkeypatch):
     from renderer.context import ContextError
 
     monkeypatch.setattr(surface_cost, "YARDSTICK", 2_000)
+    selected = []
+
+    def select_cut(hierarchy, view, r_sil, r_inner):
+        selected.append(r_inner)
+        return lod.select_cut(hierarchy, view, r_sil, r_inner)
+
+    monkeypatch.setattr(surface_cost, "select_cut", select_cut)
     try:
         entry = surface_cost.measure_size(1_000, (64, 64), rounds=2, samples=2)
     except ContextError as error:
@@ -129,7 +137,8 @@ def test_a_small_size_is_measured_as_a_whole(monkeypatch):
     for other in (entry["moving"], entry["coarser"]):
         assert other["cost"]["frame_over_triangles"] > 0.0
         assert 0.0 < other["error"]["normal_degrees"]["mean"] < 10.0
-    # A surface of 1,000 triangles has nothing coarser.
+    # A surface of 1,000 triangles has nothing coarser to draw.
+    assert selected.count(entry["coarser"]["r_inner"]) >= 2 * surface_cost.IN_A_ROW
     assert entry["moving"]["error"] != entry["error"]
     assert entry["moving"]["r_inner"] == entry["r_inner"] < entry["coarser"]["r_inner"]
     assert 0.0 < entry["error"]["normal_degrees"]["mean"] < 10.0
